@@ -1,0 +1,270 @@
+//! What the coordinator knows of scenes, jobs, workers and packages: the shapes that the engine hands to HTTP, the event stream and the
+//! dashboard. They are serialised as they stand, so every name here is part of the API.
+
+use kiln_proto::{
+    ids::{JobId, SceneHash, WorkerId},
+    settings::{BakeSettings, SettingsPatch},
+    tile::TileRun,
+    wire::message::Phase,
+};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use utoipa::ToSchema;
+
+/// Milliseconds since 1970-01-01 UTC, by the store's clock.
+pub type UnixMillis = i64;
+
+/// Something wrong with an input, located.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+pub struct Problem {
+    /// What is wrong and what to do about it: one sentence.
+    pub message: String,
+    /// The file of the bundle, where one is to blame.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub file: Option<String>,
+    /// Its line, from 1.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub line: Option<u32>,
+}
+
+/// What an import found: `file:line: message` in print.
+impl std::fmt::Display for Problem {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match (&self.file, self.line) {
+            (Some(file), Some(line)) => write!(f, "{file}:{line}: {}", self.message),
+            (Some(file), None) => write!(f, "{file}: {}", self.message),
+            _ => f.write_str(&self.message),
+        }
+    }
+}
+
+/// `Uploaded -> Importing -> Ready | Rejected`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum SceneState {
+    /// The bundle is stored; nobody has looked at it.
+    Uploaded,
+    /// A task is importing it.
+    Importing,
+    /// Canonical and stored.
+    Ready,
+    /// Not usable; the problems say why.
+    Rejected,
+}
+
+/// An uploaded scene.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct SceneRecord {
+    /// Identifies the upload before its canonical hash is known.
+    #[schema(value_type = String)]
+    pub id: uuid::Uuid,
+    /// The canonical scene's hash once it is ready.
+    #[schema(value_type = Option<String>)]
+    pub scene: Option<SceneHash>,
+    /// Where it is.
+    pub state: SceneState,
+    /// When it was uploaded.
+    pub created_ms: UnixMillis,
+    /// Statistics once it is ready.
+    pub statistics: Option<SceneStatistics>,
+    /// What was repaired, ignored or approximated.
+    pub warnings: Vec<Problem>,
+    /// Why it was rejected.
+    pub problems: Vec<Problem>,
+}
+
+/// Counts of a canonical scene.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct SceneStatistics {
+    /// Triangles.
+    pub triangles: u64,
+    /// Surfaces, with their names.
+    pub surfaces: Vec<String>,
+    /// Materials.
+    pub materials: u64,
+    /// Decoded textures.
+    pub textures: u64,
+    /// Triangles that emit.
+    pub emissive_triangles: u64,
+    /// Lower corner of the bounding box, metres.
+    pub low: [f32; 3],
+    /// Upper corner of the bounding box, metres.
+    pub high: [f32; 3],
+}
+
+/// `Queued -> Preparing -> Baking -> Assembling -> Done`, or `Failed`, `Cancelled`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum JobState {
+    /// Waiting for its scene or its turn.
+    Queued,
+    /// Surfaces are being laid out and cut into tiles.
+    Preparing,
+    /// Tiles are leased to workers.
+    Baking,
+    /// Segments are being assembled into the package.
+    Assembling,
+    /// The package is published.
+    Done,
+    /// It cannot finish; the problem says why.
+    Failed,
+    /// Someone cancelled it.
+    Cancelled,
+}
+
+impl JobState {
+    /// Whether nothing will change any more.
+    #[must_use]
+    pub fn is_final(self) -> bool {
+        matches!(self, JobState::Done | JobState::Failed | JobState::Cancelled)
+    }
+}
+
+/// What a client asks for.
+#[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct NewJob {
+    /// Hash of a scene that is ready, or the id of an upload.
+    pub scene: String,
+    /// Settings that differ from the preset's.
+    #[serde(default)]
+    #[schema(value_type = Object)]
+    pub settings: SettingsPatch,
+    /// Higher goes first.
+    #[serde(default)]
+    pub priority: i32,
+    /// For the client's own use.
+    #[serde(default)]
+    pub labels: BTreeMap<String, String>,
+}
+
+/// A job as clients see it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct JobRecord {
+    /// Its id.
+    #[schema(value_type = String)]
+    pub id: JobId,
+    /// The scene: a hash once known.
+    #[schema(value_type = Option<String>)]
+    pub scene: Option<SceneHash>,
+    /// Where it is.
+    pub state: JobState,
+    /// The phase it bakes.
+    #[schema(value_type = Option<String>)]
+    pub phase: Option<Phase>,
+    /// Settings with every value decided.
+    #[schema(value_type = Object)]
+    pub settings: BakeSettings,
+    /// Higher goes first.
+    pub priority: i32,
+    /// The client's own.
+    pub labels: BTreeMap<String, String>,
+    /// How far it is.
+    pub progress: Progress,
+    /// Why it failed.
+    pub problem: Option<Problem>,
+    /// Why nothing happens, where nothing happens: no worker connected, waiting behind another job, …
+    pub waiting: Option<String>,
+    /// When it was created.
+    pub created_ms: UnixMillis,
+    /// When it began to bake.
+    pub started_ms: Option<UnixMillis>,
+    /// When it reached a final state.
+    pub finished_ms: Option<UnixMillis>,
+}
+
+/// How far a job is.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, ToSchema)]
+pub struct Progress {
+    /// Tiles of the current phase.
+    pub tiles: u64,
+    /// Of them, done.
+    pub tiles_done: u64,
+    /// Covered texels of the job.
+    pub texels: u64,
+    /// Of the current phase's cost (texels with gutters), what is done, in [0, 1].
+    pub fraction: f64,
+    /// Rays traced so far, by the workers' word.
+    pub rays: u64,
+    /// Rays per second over the last half minute.
+    pub rays_per_second: f64,
+    /// Workers that hold a lease of this job.
+    pub workers: u32,
+    /// Seconds until the current phase is done, where that can be told.
+    pub eta_seconds: Option<f64>,
+}
+
+/// One entry of a job's event stream. `seq` grows by one per job.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct JobEvent {
+    /// Position in the job's stream, from 1.
+    pub seq: i64,
+    /// When it happened.
+    pub at_ms: UnixMillis,
+    /// What happened.
+    #[serde(flatten)]
+    pub kind: EventKind,
+}
+
+/// What may happen to a job.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case", tag = "event")]
+pub enum EventKind {
+    /// It changed state or phase.
+    State {
+        /// The new state.
+        state: JobState,
+        /// The phase while baking.
+        #[schema(value_type = Option<String>)]
+        phase: Option<Phase>,
+    },
+    /// Tiles were accepted.
+    Tiles {
+        /// Of which phase.
+        #[schema(value_type = String)]
+        phase: Phase,
+        /// Which.
+        #[schema(value_type = Vec<Object>)]
+        runs: Vec<TileRun>,
+        /// Done in this phase after this event.
+        tiles_done: u64,
+        /// Tiles of this phase.
+        tiles: u64,
+    },
+    /// Something went wrong that the job survived, or did not.
+    Problem {
+        /// What.
+        problem: Problem,
+    },
+}
+
+/// A worker as the dashboard sees it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct WorkerRecord {
+    /// Its id.
+    #[schema(value_type = String)]
+    pub id: WorkerId,
+    /// What a person calls it.
+    pub name: String,
+    /// Threads that it traces with.
+    pub threads: u32,
+    /// CPU features in use.
+    pub features: Vec<String>,
+    /// Its bake version.
+    pub bake_version: u32,
+    /// When it said hello.
+    pub since_ms: UnixMillis,
+    /// When it was last heard.
+    pub seen_ms: UnixMillis,
+    /// The job that it bakes now.
+    #[schema(value_type = Option<String>)]
+    pub job: Option<JobId>,
+    /// Texels (gutters included) it finished, ever.
+    pub texels_done: u64,
+    /// Rays it traced, ever.
+    pub rays: u64,
+    /// Processor seconds it reported, ever.
+    pub core_seconds: f64,
+    /// Largest resident memory it reported, bytes.
+    pub peak_rss_bytes: u64,
+}

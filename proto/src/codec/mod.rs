@@ -1,0 +1,2 @@
+//! Bitstreams and reference decoders.
+pub mod pwl;

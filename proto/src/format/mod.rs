@@ -1,0 +1,1 @@
+//! Files of a package: headers, manifest, readers.

@@ -1,0 +1,1 @@
+//! Segments: the self-contained result of one tile.

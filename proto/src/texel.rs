@@ -1,0 +1,346 @@
+//! From texels to points: which texels of a surface's texture its charts cover, where they lie in the world, and whose light a gutter
+//! texel borrows.
+//!
+//! A texel is *covered* when its centre lies on a triangle (the lowest-numbered one where edges touch). An uncovered texel within two
+//! texels of a covered one is *gutter* and takes the row of the nearest covered texel, ties to the lowest row, then column. Both follow
+//! from the plan alone, so coordinator, worker and package reader agree without sending masks about. Coordinates are f64 here: a texel
+//! centre on a shared edge must fall on the same side on every machine. The alternative, conservative coverage of every touched texel,
+//! would bake centres that lie beside the surface.
+
+use crate::{
+    frame::{Frame, FrameRule},
+    plan::SurfacePlan,
+    scene::{Scene, Surface},
+    tile::{Cell, TILE_SIDE},
+};
+use glam::{DVec2, DVec3, Vec3};
+
+/// Texels around a chart that borrow its light.
+pub const GUTTER: i64 = 2;
+/// Slack of the inside test, in barycentric units: a centre on an edge is inside.
+const EDGE: f64 = 1e-9;
+/// Neighbouring triangles join a texel's footprint when their normals agree to this cosine.
+const COPLANAR: f32 = 0.999_9;
+
+/// A covered texel.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Texel {
+    /// Column.
+    pub x: u32,
+    /// Row; row 0 holds v = 0.
+    pub y: u32,
+    /// The triangle under its centre, counted within the surface.
+    pub triangle: u32,
+    /// The world position of its centre, metres.
+    pub position: Vec3,
+    /// Its frame.
+    pub frame: Frame,
+    /// Coplanar triangles of the same chart that its square touches, its own first.
+    near: Vec<u32>,
+}
+
+/// A point on a surface.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SurfacePoint {
+    /// The triangle, counted within the surface.
+    pub triangle: u32,
+    /// Barycentric weights of its second and third corner.
+    pub bary: [f32; 2],
+    /// World position, metres.
+    pub position: Vec3,
+}
+
+/// What a texel of a tile holds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Row {
+    /// Column in the texture.
+    pub x: u32,
+    /// Row in the texture.
+    pub y: u32,
+    /// The covered texel whose light this is: itself, unless it is gutter.
+    pub source: (u32, u32),
+}
+
+impl Row {
+    /// Whether the texel itself is on a chart.
+    #[must_use]
+    pub fn is_covered(self) -> bool {
+        self.source == (self.x, self.y)
+    }
+}
+
+/// A triangle in texel coordinates, with the inverse of its edge matrix.
+struct Flat {
+    origin: DVec2,
+    /// Rows of the inverse of [e1 e2]; `None` for a triangle without area in the texture.
+    inverse: Option<[DVec2; 2]>,
+    low: DVec2,
+    high: DVec2,
+}
+
+impl Flat {
+    fn new(uv: [[f32; 2]; 3], width: f64, height: f64) -> Self {
+        let p = uv.map(|[u, v]| DVec2::new(f64::from(u) * width, f64::from(v) * height));
+        let (e1, e2) = (p[1] - p[0], p[2] - p[0]);
+        let det = e1.x * e2.y - e2.x * e1.y;
+        let inverse = (det.abs() > 1e-12).then(|| [DVec2::new(e2.y, -e2.x) / det, DVec2::new(-e1.y, e1.x) / det]);
+        Self { origin: p[0], inverse, low: p[0].min(p[1]).min(p[2]), high: p[0].max(p[1]).max(p[2]) }
+    }
+
+    /// Barycentric weights of the second and third corner, unclamped.
+    fn bary(&self, at: DVec2) -> Option<DVec2> {
+        let rows = self.inverse?;
+        let d = at - self.origin;
+        Some(DVec2::new(rows[0].dot(d), rows[1].dot(d)))
+    }
+
+    fn inside(&self, at: DVec2) -> Option<DVec2> {
+        self.bary(at).filter(|b| b.x >= -EDGE && b.y >= -EDGE && b.x + b.y <= 1.0 + EDGE)
+    }
+}
+
+/// One surface's triangles laid out in its texture, binned by tile.
+pub struct SurfaceRaster<'a> {
+    scene: &'a Scene,
+    surface: &'a Surface,
+    charts: &'a [u32],
+    flats: Vec<Flat>,
+    frames: Vec<Option<Frame>>,
+    width: u32,
+    height: u32,
+    /// Triangles whose box, grown by the gutter, touches a cell: `bins[starts[c]..starts[c + 1]]`, ascending.
+    starts: Vec<usize>,
+    bins: Vec<u32>,
+}
+
+impl<'a> SurfaceRaster<'a> {
+    /// Lays out a surface as its plan says. Cost: linear in triangles and in the cells that they touch.
+    #[must_use]
+    pub fn new(scene: &'a Scene, surface: &'a Surface, plan: &'a SurfacePlan, rule: FrameRule) -> Self {
+        let (width, height) = (plan.size.width, plan.size.height);
+        let flats: Vec<Flat> = plan.uv.iter().map(|uv| Flat::new(*uv, f64::from(width), f64::from(height))).collect();
+        let frame =
+            |(t, uv): (&crate::scene::Triangle, &[[f32; 2]; 3])| Frame::of_triangle(scene.corners(t), uv.map(|c| c.map(f64::from)), rule);
+        let frames = surface.triangles.iter().zip(&plan.uv).map(frame).collect();
+        let (starts, bins) = bin(&flats, width, height);
+        Self { scene, surface, charts: &plan.charts, flats, frames, width, height, starts, bins }
+    }
+
+    /// Cells along u.
+    #[must_use]
+    pub fn columns(&self) -> u32 {
+        self.width.div_ceil(TILE_SIDE)
+    }
+
+    /// Cells along v.
+    #[must_use]
+    pub fn rows(&self) -> u32 {
+        self.height.div_ceil(TILE_SIDE)
+    }
+
+    fn candidates(&self, x: u32, y: u32) -> &[u32] {
+        let cell = (y / TILE_SIDE * self.columns() + x / TILE_SIDE) as usize;
+        &self.bins[self.starts[cell]..self.starts[cell + 1]]
+    }
+
+    /// The triangle under a texel's centre and the barycentric weights there.
+    fn owner(&self, x: u32, y: u32) -> Option<(u32, DVec2)> {
+        let centre = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
+        let usable = |t: &u32| self.frames[*t as usize].is_some();
+        self.candidates(x, y).iter().filter(|t| usable(t)).find_map(|t| Some((*t, self.flats[*t as usize].inside(centre)?)))
+    }
+
+    /// The covered texel at (x, y), if it is covered.
+    #[must_use]
+    pub fn texel(&self, x: u32, y: u32) -> Option<Texel> {
+        let (triangle, bary) = self.owner(x, y)?;
+        let frame = self.frames[triangle as usize]?;
+        let (low, high) = (DVec2::new(f64::from(x), f64::from(y)), DVec2::new(f64::from(x) + 1.0, f64::from(y) + 1.0));
+        let joins = |t: u32| {
+            let (flat, other) = (&self.flats[t as usize], self.frames[t as usize]);
+            t != triangle
+                && self.charts[t as usize] == self.charts[triangle as usize]
+                && flat.low.cmplt(high).all()
+                && flat.high.cmpgt(low).all()
+                && other.is_some_and(|o| o.normal.dot(frame.normal) > COPLANAR)
+        };
+        let near = std::iter::once(triangle).chain(self.candidates(x, y).iter().copied().filter(|t| joins(*t))).collect();
+        Some(Texel { x, y, triangle, position: self.position(triangle, bary), frame, near })
+    }
+
+    /// The point of a texel's footprint at (dx, dy) in [0, 1)² of its square, or `None` where no chart lies there.
+    #[must_use]
+    pub fn footprint(&self, texel: &Texel, dx: f32, dy: f32) -> Option<SurfacePoint> {
+        let at = DVec2::new(f64::from(texel.x) + f64::from(dx), f64::from(texel.y) + f64::from(dy));
+        texel.near.iter().find_map(|t| Some(self.point(*t, self.flats[*t as usize].inside(at)?)))
+    }
+
+    /// The point at a texel's centre.
+    #[must_use]
+    pub fn centre(&self, texel: &Texel) -> SurfacePoint {
+        let at = DVec2::new(f64::from(texel.x) + 0.5, f64::from(texel.y) + 0.5);
+        self.point(texel.triangle, self.flats[texel.triangle as usize].bary(at).unwrap_or_default())
+    }
+
+    /// The texels of a cell that hold light, row by row: covered ones and the gutter around charts, also charts of neighbouring cells.
+    #[must_use]
+    pub fn tile(&self, cell: Cell) -> Vec<Row> {
+        const SPAN: i64 = TILE_SIDE as i64 + 2 * GUTTER;
+        let (x0, y0) = (i64::from(cell.x) * i64::from(TILE_SIDE), i64::from(cell.y) * i64::from(TILE_SIDE));
+        let within = |x: i64, y: i64| (0..i64::from(self.width)).contains(&x) && (0..i64::from(self.height)).contains(&y);
+        let mut covered = [[false; SPAN as usize]; SPAN as usize];
+        for (j, line) in covered.iter_mut().enumerate() {
+            for (i, texel) in line.iter_mut().enumerate() {
+                let (x, y) = (x0 + i as i64 - GUTTER, y0 + j as i64 - GUTTER);
+                *texel = within(x, y) && self.owner(x as u32, y as u32).is_some();
+            }
+        }
+        let is_covered = |x: i64, y: i64| covered[(y - y0 + GUTTER) as usize][(x - x0 + GUTTER) as usize];
+        let mut rows = Vec::new();
+        for y in y0..(y0 + i64::from(TILE_SIDE)).min(i64::from(self.height)) {
+            for x in x0..(x0 + i64::from(TILE_SIDE)).min(i64::from(self.width)) {
+                if let Some(source) = nearest(x, y, &is_covered) {
+                    rows.push(Row { x: x as u32, y: y as u32, source });
+                }
+            }
+        }
+        rows
+    }
+
+    /// The author's texture coordinates at a point, or (0, 0) where there are none.
+    #[must_use]
+    pub fn author_uv(&self, point: &SurfacePoint) -> [f32; 2] {
+        let [b, c] = point.bary;
+        self.surface.triangles[point.triangle as usize]
+            .uv
+            .map_or([0.0; 2], |uv| std::array::from_fn(|k| uv[0][k] * (1.0 - b - c) + uv[1][k] * b + uv[2][k] * c))
+    }
+
+    fn point(&self, triangle: u32, bary: DVec2) -> SurfacePoint {
+        SurfacePoint { triangle, bary: [bary.x as f32, bary.y as f32], position: self.position(triangle, bary) }
+    }
+
+    fn position(&self, triangle: u32, bary: DVec2) -> Vec3 {
+        let [a, b, c]: [DVec3; 3] = self.scene.corners(&self.surface.triangles[triangle as usize]);
+        (a + (b - a) * bary.x + (c - a) * bary.y).as_vec3()
+    }
+}
+
+/// The nearest covered texel within the gutter's reach; ties go to the lowest row, then column.
+fn nearest(x: i64, y: i64, is_covered: &impl Fn(i64, i64) -> bool) -> Option<(u32, u32)> {
+    if is_covered(x, y) {
+        return Some((x as u32, y as u32));
+    }
+    let square = (-GUTTER..=GUTTER).flat_map(|dy| (-GUTTER..=GUTTER).map(move |dx| (dx, dy)));
+    let (_, sy, sx) = square.filter(|(dx, dy)| is_covered(x + dx, y + dy)).map(|(dx, dy)| (dx * dx + dy * dy, y + dy, x + dx)).min()?;
+    Some((sx as u32, sy as u32))
+}
+
+fn bin(flats: &[Flat], width: u32, height: u32) -> (Vec<usize>, Vec<u32>) {
+    let (columns, rows) = (width.div_ceil(TILE_SIDE), height.div_ceil(TILE_SIDE));
+    let reach = |flat: &Flat| {
+        let cell = |v: f64, n: u32| ((v / f64::from(TILE_SIDE)).floor().max(0.0) as u32).min(n - 1);
+        // One texel of slack: owners are asked for texels of the window that a tile looks through, always in the texel's own cell.
+        (cell(flat.low.x - 1.0, columns)..=cell(flat.high.x + 1.0, columns), cell(flat.low.y - 1.0, rows)..=cell(flat.high.y + 1.0, rows))
+    };
+    let mut starts = vec![0usize; (columns * rows) as usize + 1];
+    let each = |visit: &mut dyn FnMut(usize, u32)| {
+        for (t, flat) in flats.iter().enumerate().filter(|(_, f)| f.inverse.is_some()) {
+            let (xs, ys) = reach(flat);
+            ys.for_each(|y| xs.clone().for_each(|x| visit((y * columns + x) as usize, t as u32)));
+        }
+    };
+    each(&mut |cell, _| starts[cell + 1] += 1);
+    for c in 1..starts.len() {
+        starts[c] += starts[c - 1];
+    }
+    let mut next = starts.clone();
+    let mut bins = vec![0; starts[starts.len() - 1]];
+    each(&mut |cell, t| {
+        bins[next[cell]] = t;
+        next[cell] += 1;
+    });
+    (starts, bins)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{plan::ChartSource, scene::Triangle, settings::TextureSize};
+
+    /// A unit square of two triangles with the given texture coordinates of its corners.
+    fn square(uv: [[f32; 2]; 4], width: u32, height: u32) -> (Scene, SurfacePlan) {
+        let corners = [[0u32, 1, 2], [0, 2, 3]];
+        let triangles = corners.iter().map(|c| Triangle { corners: *c, uv: Some(c.map(|k| uv[k as usize])), polygon: 0 }).collect();
+        let surface = Surface { name: "s".into(), file_stem: "s".into(), material: 0, triangles };
+        let positions = vec![[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
+        let scene = Scene { version: 1, positions, surfaces: vec![surface], materials: vec![], textures: vec![] };
+        let plan = SurfacePlan {
+            size: TextureSize { width, height },
+            source: ChartSource::Author,
+            uv: corners.iter().map(|c| c.map(|k| uv[k as usize])).collect(),
+            charts: vec![0, 0],
+            covered: 0,
+            tiles: vec![],
+        };
+        (scene, plan)
+    }
+
+    const FULL: [[f32; 2]; 4] = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
+
+    #[test]
+    fn a_full_chart_covers_every_texel_once_and_centres_lie_where_they_should() {
+        let (scene, plan) = square(FULL, 40, 20);
+        let raster = SurfaceRaster::new(&scene, &scene.surfaces[0], &plan, FrameRule::Texture);
+        for (x, y) in [(0, 0), (39, 19), (13, 7), (32, 0)] {
+            let t = raster.texel(x, y).unwrap();
+            assert!(t.position.distance(Vec3::new((x as f32 + 0.5) / 40.0, (y as f32 + 0.5) / 20.0, 0.0)) < 1e-6);
+            assert_eq!((t.frame.tangent, t.frame.normal), (Vec3::X, Vec3::Z));
+        }
+        let rows: Vec<Row> = [(0, 0), (1, 0)].iter().flat_map(|(x, y)| raster.tile(Cell { x: *x, y: *y })).collect();
+        assert_eq!(rows.len(), 800);
+        assert!(rows.iter().all(|r| r.is_covered()));
+    }
+
+    #[test]
+    fn gutters_are_two_texels_and_reach_into_neighbouring_tiles() {
+        // The chart ends exactly at column 32, the edge of the first tile.
+        let (scene, plan) = square([[0.0, 0.0], [0.5, 0.0], [0.5, 1.0], [0.0, 1.0]], 64, 32);
+        let raster = SurfaceRaster::new(&scene, &scene.surfaces[0], &plan, FrameRule::Texture);
+        assert_eq!(raster.tile(Cell { x: 0, y: 0 }).len(), 1024);
+        let next = raster.tile(Cell { x: 1, y: 0 });
+        assert_eq!(next.len(), 64);
+        assert!(next.iter().all(|r| !r.is_covered() && r.source == (31, r.y) && (32..34).contains(&r.x)));
+        assert!(raster.texel(32, 0).is_none());
+    }
+
+    #[test]
+    fn gutter_ties_go_to_the_lowest_row_then_column() {
+        let only = |set: &'static [(i64, i64)]| move |x: i64, y: i64| set.contains(&(x, y));
+        assert_eq!(nearest(5, 5, &only(&[(4, 5), (5, 4), (6, 5)])), Some((5, 4)));
+        assert_eq!(nearest(5, 5, &only(&[(6, 5), (4, 5)])), Some((4, 5)));
+        assert_eq!(nearest(5, 5, &only(&[(3, 3), (7, 5)])), Some((7, 5)));
+        assert_eq!(nearest(5, 5, &only(&[(2, 5)])), None);
+    }
+
+    #[test]
+    fn a_footprint_spans_the_triangles_of_its_chart_and_nothing_else() {
+        let (scene, mut plan) = square(FULL, 4, 4);
+        let share = |plan: &SurfacePlan| {
+            let raster = SurfaceRaster::new(&scene, &scene.surfaces[0], plan, FrameRule::Texture);
+            let texel = raster.texel(1, 1).unwrap();
+            (0..64).filter(|k| raster.footprint(&texel, (k % 8) as f32 / 8.0 + 0.06, (k / 8) as f32 / 8.0 + 0.01).is_some()).count()
+        };
+        assert_eq!(share(&plan), 64, "the diagonal runs through the texel, both halves count");
+        plan.charts = vec![0, 1];
+        assert!(share(&plan) < 64, "another chart is another surface in the texture");
+    }
+
+    #[test]
+    fn author_coordinates_are_interpolated() {
+        let (scene, plan) = square([[0.0, 0.0], [0.5, 0.0], [0.5, 0.5], [0.0, 0.5]], 64, 64);
+        let raster = SurfaceRaster::new(&scene, &scene.surfaces[0], &plan, FrameRule::Texture);
+        let uv = raster.author_uv(&raster.centre(&raster.texel(10, 20).unwrap()));
+        assert!((uv[0] - 10.5 / 64.0).abs() < 1e-6 && (uv[1] - 20.5 / 64.0).abs() < 1e-6);
+    }
+}
