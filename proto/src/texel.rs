@@ -100,10 +100,12 @@ impl Flat {
 }
 
 /// One surface's triangles laid out in its texture, binned by tile.
-pub struct SurfaceRaster<'a> {
-    scene: &'a Scene,
-    surface: &'a Surface,
-    charts: &'a [u32],
+pub struct SurfaceRaster {
+    /// World corners of each triangle, metres.
+    corners: Vec<[DVec3; 3]>,
+    /// The author's texture coordinates of each triangle.
+    author: Vec<Option<[[f32; 2]; 3]>>,
+    charts: Vec<u32>,
     flats: Vec<Flat>,
     frames: Vec<Option<Frame>>,
     width: u32,
@@ -113,17 +115,19 @@ pub struct SurfaceRaster<'a> {
     bins: Vec<u32>,
 }
 
-impl<'a> SurfaceRaster<'a> {
-    /// Lays out a surface as its plan says. Cost: linear in triangles and in the cells that they touch.
+impl SurfaceRaster {
+    /// Lays out a surface as its plan says. Cost: linear in triangles and in the cells that they touch. It owns what it needs, so that a
+    /// worker may keep it beside the scene across leases.
     #[must_use]
-    pub fn new(scene: &'a Scene, surface: &'a Surface, plan: &'a SurfacePlan, rule: FrameRule) -> Self {
+    pub fn new(scene: &Scene, surface: &Surface, plan: &SurfacePlan, rule: FrameRule) -> Self {
         let (width, height) = (plan.size.width, plan.size.height);
         let flats: Vec<Flat> = plan.uv.iter().map(|uv| Flat::new(*uv, f64::from(width), f64::from(height))).collect();
-        let frame =
-            |(t, uv): (&crate::scene::Triangle, &[[f32; 2]; 3])| Frame::of_triangle(scene.corners(t), uv.map(|c| c.map(f64::from)), rule);
-        let frames = surface.triangles.iter().zip(&plan.uv).map(frame).collect();
+        let corners: Vec<[DVec3; 3]> = surface.triangles.iter().map(|t| scene.corners(t)).collect();
+        let frame = |(p, uv): (&[DVec3; 3], &[[f32; 2]; 3])| Frame::of_triangle(*p, uv.map(|c| c.map(f64::from)), rule);
+        let frames = corners.iter().zip(&plan.uv).map(frame).collect();
+        let author = surface.triangles.iter().map(|t| t.uv).collect();
         let (starts, bins) = bin(&flats, width, height);
-        Self { scene, surface, charts: &plan.charts, flats, frames, width, height, starts, bins }
+        Self { corners, author, charts: plan.charts.clone(), flats, frames, width, height, starts, bins }
     }
 
     /// Cells along u.
@@ -211,8 +215,7 @@ impl<'a> SurfaceRaster<'a> {
     #[must_use]
     pub fn author_uv(&self, point: &SurfacePoint) -> [f32; 2] {
         let [b, c] = point.bary;
-        self.surface.triangles[point.triangle as usize]
-            .uv
+        self.author[point.triangle as usize]
             .map_or([0.0; 2], |uv| std::array::from_fn(|k| uv[0][k] * (1.0 - b - c) + uv[1][k] * b + uv[2][k] * c))
     }
 
@@ -221,7 +224,7 @@ impl<'a> SurfaceRaster<'a> {
     }
 
     fn position(&self, triangle: u32, bary: DVec2) -> Vec3 {
-        let [a, b, c]: [DVec3; 3] = self.scene.corners(&self.surface.triangles[triangle as usize]);
+        let [a, b, c] = self.corners[triangle as usize];
         (a + (b - a) * bary.x + (c - a) * bary.y).as_vec3()
     }
 }
