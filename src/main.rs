@@ -1,2 +1,111 @@
-//! The `kiln` command.
-fn main() {}
+//! `kiln`: the composition root. The only code that sees both the coordinator and the worker; one file a subcommand.
+#![forbid(unsafe_code)]
+#![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used))]
+#![allow(unreachable_pub)] // A binary has no public interface; `pub` here only joins the files of the command line.
+
+mod api;
+mod bake;
+mod bake_settings;
+mod children;
+mod config;
+mod decode;
+mod encode;
+mod error;
+mod eval;
+mod fetch;
+mod host;
+mod inspect;
+mod output;
+mod progress;
+mod serve;
+mod submit;
+mod watch;
+mod work;
+
+use clap::{Parser, Subcommand};
+use error::CommandError;
+use std::process::ExitCode;
+use tracing_subscriber::EnvFilter;
+
+/// Kiln bakes lighting that depends on the viewer.
+///
+/// Exit codes: 0 done, 1 the work failed, 2 the command was not understood. Progress and messages go to stderr, results to stdout.
+#[derive(Debug, Parser)]
+#[command(version, propagate_version = true)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+    /// Print results as JSON
+    #[arg(long, global = true)]
+    json: bool,
+    /// What to log, in the syntax of `tracing` filters
+    #[arg(long, global = true, value_name = "FILTER", env = "KILN_LOG", default_value = "warn")]
+    log: String,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    Bake(bake::BakeArgs),
+    Serve(serve::ServeArgs),
+    Work(work::WorkArgs),
+    Submit(submit::SubmitArgs),
+    Watch(watch::WatchArgs),
+    Fetch(fetch::FetchArgs),
+    Cancel(watch::CancelArgs),
+    Jobs(watch::JobsArgs),
+    Inspect(inspect::InspectArgs),
+    Encode(encode::EncodeArgs),
+    Decode(decode::DecodeArgs),
+    Eval(eval::EvalArgs),
+    Config(config::ConfigArgs),
+}
+
+fn main() -> ExitCode {
+    let cli = Cli::parse();
+    let filter = match EnvFilter::try_new(&cli.log) {
+        Ok(filter) => filter,
+        Err(e) => return fail(&CommandError::usage(format!("log filter `{}`: {e}", cli.log))),
+    };
+    tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).init();
+    match run(&cli) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => fail(&error),
+    }
+}
+
+fn fail(error: &CommandError) -> ExitCode {
+    eprintln!("error: {error}");
+    ExitCode::from(error.exit_code())
+}
+
+fn run(cli: &Cli) -> Result<(), CommandError> {
+    let json = cli.json;
+    match &cli.command {
+        Command::Inspect(args) => inspect::run(args, json),
+        Command::Encode(args) => encode::run(args, json),
+        Command::Decode(args) => decode::run(args, json),
+        Command::Eval(args) => eval::run(args, json),
+        Command::Config(args) => config::run(args, json),
+        networked => {
+            let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build();
+            let runtime = runtime.map_err(|e| CommandError::from_error("cannot start the runtime", &e))?;
+            runtime.block_on(run_networked(networked, json))
+        }
+    }
+}
+
+async fn run_networked(command: &Command, json: bool) -> Result<(), CommandError> {
+    match command {
+        Command::Bake(args) => bake::run(args, json).await,
+        Command::Serve(args) => serve::run(args, json).await,
+        Command::Work(args) => work::run(args).await,
+        Command::Submit(args) => submit::run(args, json).await,
+        Command::Watch(args) => watch::watch(args, json).await,
+        Command::Fetch(args) => fetch::run(args, json).await,
+        Command::Cancel(args) => watch::cancel(args, json).await,
+        Command::Jobs(args) => watch::jobs(args, json).await,
+        Command::Inspect(_) | Command::Encode(_) | Command::Decode(_) | Command::Eval(_) | Command::Config(_) => {
+            Err(CommandError::usage("this command does not talk to a coordinator"))
+        }
+    }
+}

@@ -1,0 +1,204 @@
+//! The client side of the HTTP API, for the commands that talk to a coordinator.
+
+use crate::error::{CommandError, chain};
+use futures_util::StreamExt;
+use kiln_coordinator::records::{JobRecord, NewJob, Problem, SceneRecord, SceneState, WorkerRecord};
+use kiln_proto::ids::JobId;
+use reqwest::{RequestBuilder, Response, multipart};
+use serde::{Deserialize, de::DeserializeOwned};
+use std::{
+    path::{Path, PathBuf},
+    time::Duration,
+};
+use tokio::io::AsyncWriteExt;
+
+/// How long a coordinator may be away before a command gives up on it.
+pub const PATIENCE: Duration = Duration::from_secs(60);
+
+/// A coordinator, from outside.
+#[derive(Clone)]
+pub struct Api {
+    http: reqwest::Client,
+    base: String,
+}
+
+/// A file to upload: its path in the bundle and where it lies.
+pub struct BundleFile {
+    /// Path inside the bundle, with forward slashes.
+    pub name: String,
+    /// Path on this machine.
+    pub path: PathBuf,
+}
+
+/// RFC 9457, as far as a person wants to read it.
+#[derive(Deserialize)]
+struct ProblemBody {
+    title: Option<String>,
+    detail: Option<String>,
+    #[serde(default)]
+    problems: Vec<Problem>,
+}
+
+/// A page of a list.
+#[derive(Deserialize)]
+struct Page<T> {
+    items: Vec<T>,
+    next: Option<String>,
+}
+
+impl Api {
+    /// A client of the coordinator at `server`.
+    pub fn new(server: &str) -> Result<Self, CommandError> {
+        let base = if server.contains("://") { server.to_owned() } else { format!("http://{server}") };
+        let http = reqwest::Client::builder().connect_timeout(Duration::from_secs(10)).read_timeout(Duration::from_secs(90)).build();
+        let http = http.map_err(|e| CommandError::from_error("cannot start an HTTP client", &e))?;
+        Ok(Self { http, base: base.trim_end_matches('/').to_owned() })
+    }
+
+    /// Its address.
+    pub fn base(&self) -> &str {
+        &self.base
+    }
+
+    fn url(&self, path: &str) -> String {
+        format!("{}{path}", self.base)
+    }
+
+    /// Uploads a scene and waits until it is imported.
+    pub async fn upload(&self, files: &[BundleFile]) -> Result<SceneRecord, CommandError> {
+        let mut form = multipart::Form::new();
+        for file in files {
+            let part = multipart::Part::file(&file.path).await;
+            let part = part.map_err(|e| CommandError::work(format!("{}: {e}", file.path.display())))?;
+            form = form.part("file", part.file_name(file.name.clone()));
+        }
+        // No read timeout while a large scene imports: the answer comes within 30 s or is 202.
+        let mut record: SceneRecord = self.json(self.http.post(self.url("/v1/scenes")).multipart(form)).await?;
+        while matches!(record.state, SceneState::Uploaded | SceneState::Importing) {
+            tokio::time::sleep(Duration::from_millis(500)).await;
+            record = self.json(self.http.get(self.url(&format!("/v1/scenes/{}", record.id)))).await?;
+        }
+        if record.state == SceneState::Rejected {
+            return Err(CommandError::work(lines("the scene was rejected", &record.problems)));
+        }
+        Ok(record)
+    }
+
+    /// Creates a job.
+    pub async fn create_job(&self, job: &NewJob) -> Result<JobRecord, CommandError> {
+        self.json(self.http.post(self.url("/v1/jobs")).json(job)).await
+    }
+
+    /// A job as it is now.
+    pub async fn job(&self, id: JobId) -> Result<JobRecord, CommandError> {
+        self.json(self.http.get(self.url(&format!("/v1/jobs/{id}")))).await
+    }
+
+    /// A job as it is now; a coordinator that is away is waited for.
+    pub async fn job_patiently(&self, id: JobId) -> Result<JobRecord, CommandError> {
+        let start = tokio::time::Instant::now();
+        loop {
+            let sent = self.http.get(self.url(&format!("/v1/jobs/{id}"))).send().await;
+            match sent {
+                Ok(response) if response.status().as_u16() < 500 => return self.read(response).await,
+                Ok(response) if start.elapsed() > PATIENCE => return self.read(response).await,
+                Err(e) if start.elapsed() > PATIENCE => return Err(self.unreachable(&e)),
+                _ => tokio::time::sleep(Duration::from_millis(300)).await,
+            }
+        }
+    }
+
+    /// All jobs, newest first.
+    pub async fn jobs(&self, state: Option<&str>, label: Option<&str>) -> Result<Vec<JobRecord>, CommandError> {
+        let mut all = Vec::new();
+        let mut cursor: Option<String> = None;
+        loop {
+            let query: Vec<(&str, &str)> = [("state", state), ("label", label), ("cursor", cursor.as_deref())]
+                .into_iter()
+                .filter_map(|(key, value)| Some((key, value?)))
+                .collect();
+            let page: Page<JobRecord> = self.json(self.http.get(self.url("/v1/jobs")).query(&query)).await?;
+            all.extend(page.items);
+            cursor = page.next;
+            if cursor.is_none() {
+                return Ok(all);
+            }
+        }
+    }
+
+    /// Cancels a job.
+    pub async fn cancel(&self, id: JobId) -> Result<JobRecord, CommandError> {
+        self.json(self.http.post(self.url(&format!("/v1/jobs/{id}/cancel")))).await
+    }
+
+    /// Workers that are connected.
+    pub async fn workers(&self) -> Result<Vec<WorkerRecord>, CommandError> {
+        Ok(self.json::<Page<WorkerRecord>>(self.http.get(self.url("/v1/workers"))).await?.items)
+    }
+
+    /// The job's event stream after `seq`, as raw bytes.
+    pub async fn events(&self, id: JobId, seq: i64) -> Result<Response, CommandError> {
+        let request = self.http.get(self.url(&format!("/v1/jobs/{id}/events"))).header("last-event-id", seq.to_string());
+        self.ok(request).await
+    }
+
+    /// The manifest of a finished job, as its bytes.
+    pub async fn manifest(&self, id: JobId) -> Result<Vec<u8>, CommandError> {
+        let response = self.ok(self.http.get(self.url(&format!("/v1/jobs/{id}/assets")))).await?;
+        let bytes = response.bytes().await.map_err(|e| self.unreachable(&e))?;
+        Ok(bytes.to_vec())
+    }
+
+    /// Downloads one file of a package; returns how many bytes came.
+    pub async fn asset(&self, id: JobId, path: &str, to: &Path) -> Result<u64, CommandError> {
+        let at = |e: std::io::Error| CommandError::work(format!("{}: {e}", to.display()));
+        let response = self.ok(self.http.get(self.url(&format!("/v1/jobs/{id}/assets/{path}")))).await?;
+        let mut file = tokio::fs::File::create(to).await.map_err(at)?;
+        let mut body = response.bytes_stream();
+        let mut length = 0;
+        while let Some(piece) = body.next().await {
+            let piece = piece.map_err(|e| self.unreachable(&e))?;
+            length += piece.len() as u64;
+            file.write_all(&piece).await.map_err(at)?;
+        }
+        file.flush().await.map_err(at)?;
+        Ok(length)
+    }
+
+    async fn json<T: DeserializeOwned>(&self, request: RequestBuilder) -> Result<T, CommandError> {
+        let response = request.send().await.map_err(|e| self.unreachable(&e))?;
+        self.read(response).await
+    }
+
+    async fn read<T: DeserializeOwned>(&self, response: Response) -> Result<T, CommandError> {
+        let response = self.refuse_errors(response).await?;
+        let bytes = response.bytes().await.map_err(|e| self.unreachable(&e))?;
+        serde_json::from_slice(&bytes).map_err(|e| CommandError::work(format!("{} gave an answer that cannot be read: {e}", self.base)))
+    }
+
+    async fn ok(&self, request: RequestBuilder) -> Result<Response, CommandError> {
+        let response = request.send().await.map_err(|e| self.unreachable(&e))?;
+        self.refuse_errors(response).await
+    }
+
+    async fn refuse_errors(&self, response: Response) -> Result<Response, CommandError> {
+        let status = response.status();
+        if status.is_success() {
+            return Ok(response);
+        }
+        let body = response.bytes().await.unwrap_or_default();
+        let Ok(problem) = serde_json::from_slice::<ProblemBody>(&body) else {
+            return Err(CommandError::work(format!("{} answered {status}; is it a Kiln coordinator?", self.base)));
+        };
+        let said = problem.detail.or(problem.title).unwrap_or_else(|| status.to_string());
+        Err(CommandError::work(lines(&said, &problem.problems)))
+    }
+
+    fn unreachable(&self, error: &reqwest::Error) -> CommandError {
+        CommandError::work(format!("the coordinator at {} cannot be reached: {}; is `kiln serve` running there?", self.base, chain(error)))
+    }
+}
+
+fn lines(head: &str, problems: &[Problem]) -> String {
+    problems.iter().fold(head.to_owned(), |text, p| format!("{text}\n  {p}"))
+}

@@ -1,0 +1,115 @@
+//! `kiln bake`: the whole farm in one process tree. The same coordinator, worker and protocol as `serve`, over loopback, for one job.
+
+use crate::{
+    api::Api,
+    bake_settings::SettingsArgs,
+    error::CommandError,
+    fetch,
+    host::{Host, asked_to_stop},
+    output, progress, submit,
+};
+use clap::Args;
+use kiln_coordinator::{
+    config::Config,
+    records::{JobRecord, JobState},
+};
+use std::path::{Path, PathBuf};
+
+/// Bake scenes on this machine
+#[derive(Debug, Args)]
+pub struct BakeArgs {
+    /// Scene files (.obj, or a .zip with one inside); each becomes one package
+    #[arg(required = true)]
+    scenes: Vec<PathBuf>,
+    /// Folder for the package; with several scenes, a folder of packages
+    #[arg(short, long, value_name = "DIR")]
+    output: PathBuf,
+    /// Threads over all workers; 0 for all cores
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    threads: u32,
+    /// Worker processes to spread the threads over
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    workers: u32,
+    #[command(flatten)]
+    settings: SettingsArgs,
+}
+
+/// Bakes every scene; the first that fails ends the command.
+pub async fn run(args: &BakeArgs, json: bool) -> Result<(), CommandError> {
+    let settings = args.settings.patch()?;
+    let targets = targets(&args.scenes, &args.output)?;
+    let bundles: Vec<_> = args.scenes.iter().map(|s| submit::collect(s)).collect::<Result<_, _>>()?;
+    for (_, target) in &targets {
+        fetch::check_target(target)?;
+    }
+    // Beside the output, so that it is on the disk that the user chose for results.
+    let parent = args.output.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    std::fs::create_dir_all(parent).map_err(|e| CommandError::work(format!("{}: {e}", parent.display())))?;
+    let data = tempfile::Builder::new().prefix(".kiln-bake-").tempdir_in(parent);
+    let data = data.map_err(|e| CommandError::work(format!("cannot create a working folder in {}: {e}", parent.display())))?;
+    let host = Host::start(config(args, data.path())).await?;
+    let work = async {
+        let api = Api::new(&host.url())?;
+        for ((scene, target), files) in targets.iter().zip(bundles) {
+            let job = submit::create(&api, &files, settings.clone(), 0, Default::default()).await?;
+            let done = finished(progress::follow(&api, job.id).await?)?;
+            fetch::package(&api, done.id, target).await?;
+            report(scene, target, &done, json)?;
+        }
+        Ok(())
+    };
+    let outcome = tokio::select! {
+        outcome = work => outcome,
+        () = asked_to_stop() => Err(CommandError::work("interrupted; nothing was written")),
+    };
+    let stopped = host.stop().await;
+    outcome.and(stopped)
+}
+
+fn config(args: &BakeArgs, data: &Path) -> Config {
+    let workers = args.workers.max(1);
+    let threads = if args.threads == 0 { crate::work::cores() as u32 } else { args.threads };
+    Config {
+        listen: ([127, 0, 0, 1], 0).into(),
+        data_dir: data.to_owned(),
+        workers,
+        worker_threads: threads.div_ceil(workers).max(1),
+        ..Config::default()
+    }
+}
+
+fn targets(scenes: &[PathBuf], output: &Path) -> Result<Vec<(PathBuf, PathBuf)>, CommandError> {
+    if let [scene] = scenes {
+        return Ok(vec![(scene.clone(), output.to_owned())]);
+    }
+    let mut targets: Vec<(PathBuf, PathBuf)> = Vec::new();
+    for scene in scenes {
+        let stem = scene.file_stem().ok_or_else(|| CommandError::usage(format!("{} is not a file name", scene.display())))?;
+        let target = output.join(stem);
+        if let Some((other, _)) = targets.iter().find(|(_, t)| *t == target) {
+            let (a, b) = (other.display(), scene.display());
+            return Err(CommandError::usage(format!("{a} and {b} would both be baked to {}; bake them one at a time", target.display())));
+        }
+        targets.push((scene.clone(), target));
+    }
+    Ok(targets)
+}
+
+/// The job if it succeeded, its problem as an error if not.
+pub fn finished(job: JobRecord) -> Result<JobRecord, CommandError> {
+    match job.state {
+        JobState::Done => Ok(job),
+        JobState::Cancelled => Err(CommandError::work(format!("job {} was cancelled", job.id))),
+        _ => {
+            let why = job.problem.map_or_else(|| "no reason was given".to_owned(), |p| p.to_string());
+            Err(CommandError::work(format!("job {} failed: {why}", job.id)))
+        }
+    }
+}
+
+fn report(scene: &Path, target: &Path, job: &JobRecord, json: bool) -> Result<(), CommandError> {
+    if json {
+        return output::json(&serde_json::json!({"scene": scene, "package": target, "job": job}));
+    }
+    output::line(&format!("{}", target.display()))
+}

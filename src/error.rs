@@ -1,0 +1,66 @@
+//! How a command fails: what happened, where, and with which exit code.
+//!
+//! 0 is done, 1 means that the work failed, 2 that the command was not understood (clap exits with 2 for what it catches itself).
+
+use std::fmt;
+
+/// A failed command.
+#[derive(Debug)]
+pub struct CommandError {
+    kind: Kind,
+    message: String,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    Work,
+    Usage,
+}
+
+impl CommandError {
+    /// The work failed.
+    pub fn work(message: impl Into<String>) -> Self {
+        Self { kind: Kind::Work, message: message.into() }
+    }
+
+    /// The command cannot be followed as it stands.
+    pub fn usage(message: impl Into<String>) -> Self {
+        Self { kind: Kind::Usage, message: message.into() }
+    }
+
+    /// The work failed with `error` while doing what `context` says; causes follow in the same line.
+    pub fn from_error(context: impl fmt::Display, error: &dyn std::error::Error) -> Self {
+        Self::work(format!("{context}: {}", chain(error)))
+    }
+
+    /// The process's exit code.
+    pub fn exit_code(&self) -> u8 {
+        match self.kind {
+            Kind::Work => 1,
+            Kind::Usage => 2,
+        }
+    }
+}
+
+impl fmt::Display for CommandError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.message)
+    }
+}
+
+impl std::error::Error for CommandError {}
+
+/// An error with its causes in one line. A cause that its effect already quotes is not repeated.
+pub fn chain(error: &dyn std::error::Error) -> String {
+    let mut text = error.to_string();
+    let mut cause = error.source();
+    while let Some(inner) = cause {
+        let more = inner.to_string();
+        if !text.contains(&more) {
+            text.push_str(": ");
+            text.push_str(&more);
+        }
+        cause = inner.source();
+    }
+    text
+}

@@ -1,0 +1,275 @@
+//! A worker's conversation with its coordinator: hello, leases, blobs, and what concerns one attempt.
+
+use super::backoff::Backoff;
+use bytes::Bytes;
+use kiln_proto::{
+    ids::{Digest, SceneHash, Token},
+    limits,
+    wire::{
+        frame::{self, FrameError, Message},
+        message::{ChunkVerdict, Finish, Heartbeat, HeartbeatReply, Hello, LeaseGrant, LeaseRequest, Refusal, Welcome},
+    },
+};
+use std::{
+    sync::{PoisonError, RwLock},
+    time::Duration,
+};
+use tokio_util::sync::CancellationToken;
+
+/// Longer than the coordinator holds a long poll.
+const CALL_TIMEOUT: Duration = Duration::from_secs(60);
+/// How long the worker asks to be held while there is no work.
+const LEASE_WAIT_MS: u64 = 20_000;
+
+/// Why a call did not succeed.
+#[derive(Debug, thiserror::Error)]
+pub enum CallError {
+    /// The coordinator said no, and why.
+    #[error("the coordinator refused")]
+    Refused(#[source] Refusal),
+    /// No answer, or one from something that is not a coordinator.
+    #[error("the coordinator at {url} cannot be reached")]
+    Transport {
+        /// The address called.
+        url: String,
+        /// What went wrong.
+        #[source]
+        source: reqwest::Error,
+    },
+    /// An answer without a refusal in it.
+    #[error("{url} answered {status}")]
+    Status {
+        /// The address called.
+        url: String,
+        /// The HTTP status.
+        status: u16,
+    },
+    /// An answer that cannot be read.
+    #[error("the coordinator's answer cannot be read")]
+    Frame(#[from] FrameError),
+    /// Bytes that are not what their name says.
+    #[error("{what} arrived damaged: expected {expected}, found {found}")]
+    Damaged {
+        /// What was fetched.
+        what: &'static str,
+        /// The hash asked for.
+        expected: String,
+        /// The hash of what came.
+        found: String,
+    },
+    /// The worker was told to stop while it waited.
+    #[error("stopped while waiting for the coordinator")]
+    Stopped,
+}
+
+impl CallError {
+    /// Whether the same call may succeed later.
+    fn is_transient(&self) -> bool {
+        match self {
+            CallError::Transport { .. } | CallError::Damaged { .. } | CallError::Refused(Refusal::Busy { .. }) => true,
+            CallError::Status { status, .. } => *status >= 500 || *status == 429,
+            CallError::Refused(_) | CallError::Frame(_) | CallError::Stopped => false,
+        }
+    }
+}
+
+/// A session: who the worker is, and where its coordinator lives.
+pub struct Session {
+    http: reqwest::Client,
+    base: String,
+    hello: Hello,
+    welcome: RwLock<Welcome>,
+    stop: CancellationToken,
+}
+
+impl Session {
+    /// Says hello, waiting for a coordinator that is not there yet. `stop` ends every wait of this session.
+    ///
+    /// # Errors
+    /// A coordinator of another version, or `stop`.
+    pub async fn open(base: &str, hello: Hello, stop: CancellationToken) -> Result<Self, CallError> {
+        let base = base.trim_end_matches('/').to_owned();
+        let http = reqwest::Client::builder().timeout(CALL_TIMEOUT).build();
+        let http = http.map_err(|source| CallError::Transport { url: base.clone(), source })?;
+        let nobody = Welcome { worker: kiln_proto::ids::WorkerId(Default::default()), heartbeat_ms: 0, chunk_bytes: 0, chunk_ms: 0 };
+        let session = Self { http, base, hello, welcome: RwLock::new(nobody), stop };
+        session.introduce().await?;
+        Ok(session)
+    }
+
+    /// What the coordinator said at the last hello.
+    pub fn welcome(&self) -> Welcome {
+        self.welcome.read().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    /// Asks for work once; `None` when there is none for now. Says hello again when the coordinator has forgotten this worker.
+    ///
+    /// # Errors
+    /// Refusals that no waiting will change, or `stop`.
+    pub async fn lease(&self) -> Result<Option<LeaseGrant>, CallError> {
+        let asked = self.retrying(|| self.call("POST", "/v1/worker/leases", self.lease_request())).await;
+        match asked {
+            Err(CallError::Refused(Refusal::UnknownWorker)) => {
+                self.introduce().await?;
+                Ok(None)
+            }
+            other => other,
+        }
+    }
+
+    /// The canonical bytes of a scene.
+    ///
+    /// # Errors
+    /// See [`Session::lease`].
+    pub async fn scene(&self, hash: SceneHash) -> Result<Vec<u8>, CallError> {
+        self.blob("the scene", &format!("/v1/worker/scenes/{hash}"), &hash.to_string()).await
+    }
+
+    /// The bytes of a plan.
+    ///
+    /// # Errors
+    /// See [`Session::lease`].
+    pub async fn plan(&self, digest: Digest) -> Result<Vec<u8>, CallError> {
+        self.blob("the plan", &format!("/v1/worker/plans/{digest}"), &digest.to_string()).await
+    }
+
+    /// Sends one chunk; waits for a coordinator that is away. Repeating a chunk is harmless: (token, number) is its name.
+    ///
+    /// # Errors
+    /// [`Refusal::Gone`] when the attempt may not add to the job any more, and other refusals.
+    pub async fn chunk(&self, token: Token, number: u32, body: Bytes) -> Result<ChunkVerdict, CallError> {
+        let path = format!("/v1/worker/attempts/{token}/chunks/{number}");
+        self.retrying(|| async {
+            let reply: Option<ChunkVerdict> = self.send("PUT", &path, body.clone()).await?;
+            reply.ok_or_else(|| CallError::Status { url: path.clone(), status: 204 })
+        })
+        .await
+    }
+
+    /// Tells the coordinator that this attempt lives. One try: the next heartbeat comes soon enough.
+    ///
+    /// # Errors
+    /// See [`CallError`].
+    pub async fn heartbeat(&self, token: Token, beat: Heartbeat) -> Result<HeartbeatReply, CallError> {
+        let path = format!("/v1/worker/attempts/{token}/heartbeat");
+        let reply: Option<HeartbeatReply> = self.call("POST", &path, beat).await?;
+        Ok(reply.unwrap_or(HeartbeatReply::Continue))
+    }
+
+    /// Ends an attempt: everything done.
+    ///
+    /// # Errors
+    /// See [`Session::lease`].
+    pub async fn complete(&self, token: Token, finish: Finish) -> Result<(), CallError> {
+        self.finish(format!("/v1/worker/attempts/{token}/complete"), finish).await
+    }
+
+    /// Ends an attempt: the rest goes back.
+    ///
+    /// # Errors
+    /// See [`Session::lease`].
+    pub async fn release(&self, token: Token, finish: Finish) -> Result<(), CallError> {
+        self.finish(format!("/v1/worker/attempts/{token}/release"), finish).await
+    }
+
+    async fn finish(&self, path: String, finish: Finish) -> Result<(), CallError> {
+        self.retrying(|| async {
+            let _: Option<HeartbeatReply> = self.call("POST", &path, finish.clone()).await?;
+            Ok(())
+        })
+        .await
+    }
+
+    fn lease_request(&self) -> LeaseRequest {
+        LeaseRequest { worker: self.welcome().worker, wait_ms: LEASE_WAIT_MS }
+    }
+
+    async fn introduce(&self) -> Result<(), CallError> {
+        let welcome: Welcome = self
+            .retrying(|| async {
+                let reply = self.call("POST", "/v1/worker/hello", self.hello.clone()).await?;
+                reply.ok_or_else(|| CallError::Status { url: self.base.clone(), status: 204 })
+            })
+            .await?;
+        *self.welcome.write().unwrap_or_else(PoisonError::into_inner) = welcome;
+        Ok(())
+    }
+
+    async fn blob(&self, what: &'static str, path: &str, expected: &str) -> Result<Vec<u8>, CallError> {
+        self.retrying(|| async {
+            let url = format!("{}{path}", self.base);
+            let transport = |source| CallError::Transport { url: url.clone(), source };
+            let response = self.http.get(&url).send().await.map_err(transport)?;
+            let status = response.status();
+            let body = response.bytes().await.map_err(transport)?;
+            if !status.is_success() {
+                return Err(refusal(&url, status.as_u16(), &body));
+            }
+            let plain = unpack(&body).map_err(FrameError::Decompress)?;
+            let found = Digest::of(&plain).to_string();
+            if found == expected { Ok(plain) } else { Err(CallError::Damaged { what, expected: expected.to_owned(), found }) }
+        })
+        .await
+    }
+
+    async fn call<Q: Message, R: Message>(&self, method: &str, path: &str, message: Q) -> Result<Option<R>, CallError> {
+        self.send(method, path, Bytes::from(frame::to_frame(&message)?)).await
+    }
+
+    async fn send<R: Message>(&self, method: &str, path: &str, body: Bytes) -> Result<Option<R>, CallError> {
+        let url = format!("{}{path}", self.base);
+        let transport = |source| CallError::Transport { url: url.clone(), source };
+        let request = if method == "PUT" { self.http.put(&url) } else { self.http.post(&url) };
+        let response = request.header("content-type", "application/octet-stream").body(body).send().await.map_err(transport)?;
+        let status = response.status().as_u16();
+        let body = response.bytes().await.map_err(transport)?;
+        match status {
+            204 => Ok(None),
+            200..=299 if body.is_empty() => Ok(None),
+            200..=299 => Ok(Some(frame::from_frame(&body)?)),
+            _ => Err(refusal(&url, status, &body)),
+        }
+    }
+
+    /// Repeats a call while it fails for reasons that pass.
+    async fn retrying<T, F: AsyncFn() -> Result<T, CallError>>(&self, call: F) -> Result<T, CallError> {
+        let mut backoff = Backoff::new(self.hello.name.bytes().fold(0x9e37_79b9, |h, b| (h ^ u64::from(b)).wrapping_mul(0x100_0000_01b3)));
+        loop {
+            let outcome = tokio::select! {
+                outcome = call() => outcome,
+                () = self.stop.cancelled() => return Err(CallError::Stopped),
+            };
+            let error = match outcome {
+                Err(error) if error.is_transient() => error,
+                other => return other,
+            };
+            let wait = match &error {
+                CallError::Refused(Refusal::Busy { retry_after_ms }) => Duration::from_millis(*retry_after_ms),
+                _ => backoff.wait(),
+            };
+            tracing::debug!(error = &error as &dyn std::error::Error, ?wait, "trying again");
+            tokio::select! {
+                () = tokio::time::sleep(wait) => {}
+                () = self.stop.cancelled() => return Err(CallError::Stopped),
+            }
+        }
+    }
+}
+
+fn refusal(url: &str, status: u16, body: &[u8]) -> CallError {
+    match frame::from_frame::<Refusal>(body) {
+        Ok(refusal) => CallError::Refused(refusal),
+        Err(_) => CallError::Status { url: url.to_owned(), status },
+    }
+}
+
+fn unpack(packed: &[u8]) -> std::io::Result<Vec<u8>> {
+    use std::io::Read;
+    let mut plain = Vec::new();
+    let mut reader = zstd::stream::read::Decoder::new(packed)?.take(limits::SCENE_BYTES as u64 + 1);
+    reader.read_to_end(&mut plain)?;
+    if plain.len() > limits::SCENE_BYTES {
+        return Err(std::io::Error::other("larger than any scene may be"));
+    }
+    Ok(plain)
+}
