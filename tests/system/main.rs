@@ -1,0 +1,10 @@
+//! Whole-system tests: real processes over real sockets, killed for real. One binary, so that it links once.
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
+mod bad_input;
+mod bake;
+mod determinism;
+mod faults;
+mod harness;
+mod reference;
+mod service;

@@ -1,0 +1,73 @@
+//! The HTTP service as its users meet it: the tour of the README, step by step.
+
+use crate::harness::{Server, room, runtime, succeed};
+use serde_json::Value;
+use tempfile::TempDir;
+
+#[test]
+fn the_tour_of_the_readme_works() {
+    let dir = TempDir::new().unwrap();
+    let server = Server::start(&dir.path().join("data"), "127.0.0.1:0", &[]);
+    let _worker = server.worker(&[]);
+    runtime().block_on(async {
+        let http = reqwest::Client::new();
+        let at = |path: &str| format!("{}{path}", server.url);
+        let folder = room().parent().unwrap().to_owned();
+        let mut form = reqwest::multipart::Form::new();
+        for name in ["thesis.obj", "thesis.mtl"] {
+            form = form.part("file", reqwest::multipart::Part::bytes(std::fs::read(folder.join(name)).unwrap()).file_name(name));
+        }
+        let settings = r#"{"samples": 8, "directions": "4x6", "texels_per_metre": 4}"#;
+        let bake = http.post(at("/v1/bakes")).multipart(form.text("settings", settings)).send().await.unwrap();
+        assert_eq!(bake.status(), 201);
+        let bake: Value = bake.json().await.unwrap();
+        let job = bake["job"]["id"].as_str().unwrap().to_owned();
+        // The stream ends by itself when the job has ended.
+        let events = http.get(at(&format!("/v1/jobs/{job}/events"))).send().await.unwrap().text().await.unwrap();
+        assert!(events.contains("\"tiles\"") && events.contains("\"done\""), "{events}");
+
+        let asset = at(&format!("/v1/jobs/{job}/assets/surfaces/floor.mtsp"));
+        let whole = http.get(&asset).send().await.unwrap();
+        let tag = whole.headers()["etag"].clone();
+        let bytes = whole.bytes().await.unwrap();
+        let same = http.get(&asset).header("if-none-match", tag).send().await.unwrap();
+        assert_eq!(same.status(), 304);
+        let part = http.get(&asset).header("range", "bytes=4-7").send().await.unwrap();
+        assert_eq!((part.status().as_u16(), part.bytes().await.unwrap()), (206, bytes.slice(4..8)));
+        let zip = http.get(at(&format!("/v1/jobs/{job}/bundle.zip"))).send().await.unwrap().bytes().await.unwrap();
+        let mut zip = zip::ZipArchive::new(std::io::Cursor::new(zip)).unwrap();
+        assert!(zip.by_name("manifest.json").is_ok() && zip.by_name("surfaces/floor.mtsp").is_ok());
+
+        let api: Value = http.get(at("/openapi.json")).send().await.unwrap().json().await.unwrap();
+        assert!(api["openapi"].as_str().unwrap().starts_with("3.1"));
+        let metrics = http.get(at("/metrics")).send().await.unwrap().text().await.unwrap();
+        assert!(metrics.contains("kiln_tiles_pending"), "{metrics}");
+        let workers: Value = http.get(at("/v1/workers")).send().await.unwrap().json().await.unwrap();
+        assert_eq!(workers["items"].as_array().unwrap().len(), 1);
+        for health in ["/healthz", "/readyz"] {
+            assert_eq!(http.get(at(health)).send().await.unwrap().status(), 200);
+        }
+    });
+}
+
+#[test]
+fn watch_follows_a_job_and_jobs_lists_it() {
+    let dir = TempDir::new().unwrap();
+    let server = Server::start(&dir.path().join("data"), "127.0.0.1:0", &[]);
+    let _worker = server.worker(&[]);
+    let job = server.submit_room(&[]);
+    let events = succeed(["--json", "watch", &job, "--server", &server.url]);
+    let seqs: Vec<i64> = events.lines().map(|l| serde_json::from_str::<Value>(l).unwrap()["seq"].as_i64().unwrap()).collect();
+    assert!(seqs.iter().copied().eq(1..=seqs.len() as i64), "{seqs:?}");
+    let listed = succeed(["jobs", "--server", &server.url, "--state", "done"]);
+    assert!(listed.contains(&job), "{listed}");
+}
+
+#[test]
+fn a_job_without_workers_says_why_it_waits() {
+    let dir = TempDir::new().unwrap();
+    let server = Server::start(&dir.path().join("data"), "127.0.0.1:0", &[]);
+    let job = server.submit_room(&[]);
+    let record = server.wait_for(&job, "a reason", |r| r["waiting"].is_string());
+    assert!(record["waiting"].as_str().unwrap().contains("worker"), "{record}");
+}
