@@ -17,3 +17,6 @@ pub mod path;
 pub mod run;
 pub mod sampling;
 pub mod scene;
+
+#[cfg(test)]
+mod testing;

@@ -1,1 +1,97 @@
-//! To be written.
+//! The ray tracer: a wide bounding volume hierarchy over triangles, closest hits and occlusion.
+//!
+//! obvhs builds a binary tree (PLOC with reinsertion); [`tree`] collapses it into nodes of [`tree::WIDTH`] boxes kept axis by axis, which the
+//! compiler turns into vector code, and the traversal is ours. obvhs's own traversals lost: its compressed tree clamps every ray to t >= 1e-4,
+//! which breaks scenes a thousandth the size, and neither breaks ties. Which primitive is hit follows from the triangles alone: the nearest,
+//! and of equally near ones the lowest index, so that another tree behind the same interface gives the same bytes.
+
+mod traverse;
+mod tree;
+mod triangle;
+
+#[cfg(test)]
+mod tests;
+
+use glam::Vec3;
+use tree::Tree;
+
+/// A half-open segment `origin + t · direction`, 0 < t <= `tmax`. The direction need not have unit length; t is in units of it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Ray {
+    /// Start, metres; nothing is hit at t = 0.
+    pub origin: Vec3,
+    /// Direction, not zero.
+    pub direction: Vec3,
+    /// Farthest hit that counts.
+    pub tmax: f32,
+}
+
+impl Ray {
+    /// A ray without end.
+    #[must_use]
+    pub fn unbounded(origin: Vec3, direction: Vec3) -> Self {
+        Self { origin, direction, tmax: f32::INFINITY }
+    }
+}
+
+/// Where a ray meets a triangle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Hit {
+    /// Index of the triangle as given to [`Accel::build`].
+    pub prim: u32,
+    /// Distance in units of the ray's direction.
+    pub t: f32,
+    /// Barycentric weight of the second corner.
+    pub u: f32,
+    /// Barycentric weight of the third corner.
+    pub v: f32,
+}
+
+/// How many rays were traced. The caller owns it: a counter inside the tree would be shared by all threads.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct RayCount(pub u64);
+
+/// Why no tree can be built.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum AccelError {
+    /// The traversal stack has a fixed size.
+    #[error("the bounding volume hierarchy is {depth} levels deep, at most {max} are supported; are thousands of triangles identical?")]
+    TooDeep {
+        /// Levels needed.
+        depth: usize,
+        /// Levels there are.
+        max: usize,
+    },
+}
+
+/// A hierarchy over triangles.
+#[derive(Debug)]
+pub struct Accel {
+    tree: Tree,
+}
+
+impl Accel {
+    /// Builds the hierarchy. Cost: O(n log n); both sides of every triangle are hit.
+    ///
+    /// # Errors
+    /// [`AccelError::TooDeep`] for pathological input.
+    pub fn build(triangles: &[[Vec3; 3]]) -> Result<Self, AccelError> {
+        Ok(Self { tree: Tree::build(triangles)? })
+    }
+
+    /// The nearest triangle along a ray; of equally near ones the lowest index.
+    #[must_use]
+    #[inline]
+    pub fn closest(&self, ray: &Ray, rays: &mut RayCount) -> Option<Hit> {
+        rays.0 += 1;
+        traverse::closest(&self.tree, ray)
+    }
+
+    /// Whether anything lies along a ray.
+    #[must_use]
+    #[inline]
+    pub fn occluded(&self, ray: &Ray, rays: &mut RayCount) -> bool {
+        rays.0 += 1;
+        traverse::occluded(&self.tree, ray)
+    }
+}

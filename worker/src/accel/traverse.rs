@@ -1,0 +1,141 @@
+//! Walking the tree: nearest boxes first for closest hits, any order for occlusion.
+//!
+//! Compiled once per main axis of the ray (the triangle test shears onto it), so that no component is picked at run time.
+
+use super::{
+    Hit, Ray,
+    tree::{Child, MAX_DEPTH, Node, Tree, WIDTH},
+    triangle::Sheared,
+};
+use glam::Vec3;
+
+/// A direction component this small counts as this large when it is inverted: 1/0 times a distance of 0 would be no number.
+const SMALLEST: f32 = 1e-18;
+
+pub(super) fn closest(tree: &Tree, ray: &Ray) -> Option<Hit> {
+    match main_axis(ray.direction) {
+        0 => closest_along::<0>(tree, ray),
+        1 => closest_along::<1>(tree, ray),
+        _ => closest_along::<2>(tree, ray),
+    }
+}
+
+pub(super) fn occluded(tree: &Tree, ray: &Ray) -> bool {
+    match main_axis(ray.direction) {
+        0 => occluded_along::<0>(tree, ray),
+        1 => occluded_along::<1>(tree, ray),
+        _ => occluded_along::<2>(tree, ray),
+    }
+}
+
+fn main_axis(d: Vec3) -> usize {
+    let d = d.abs();
+    if d.x >= d.y && d.x >= d.z {
+        0
+    } else if d.y >= d.z {
+        1
+    } else {
+        2
+    }
+}
+
+/// The boxes of a node against one ray.
+struct Slabs {
+    origin: [f32; 3],
+    inverse: [f32; 3],
+    /// Per axis, which plane of a box the ray meets first: 0 the low one.
+    near: [usize; 3],
+}
+
+impl Slabs {
+    #[inline(always)]
+    fn new(ray: &Ray) -> Self {
+        let inverse = ray.direction.to_array().map(|d| 1.0 / if d.abs() < SMALLEST { SMALLEST.copysign(d) } else { d });
+        Self { origin: ray.origin.to_array(), inverse, near: inverse.map(|i| usize::from(i < 0.0)) }
+    }
+
+    /// Where the ray enters each box, and whether it does within (0, tmax].
+    #[inline(always)]
+    fn enter(&self, node: &Node, tmax: f32) -> ([f32; WIDTH], [bool; WIDTH]) {
+        let (mut enter, mut leave) = ([0.0f32; WIDTH], [tmax; WIDTH]);
+        for axis in 0..3 {
+            let (o, i) = (self.origin[axis], self.inverse[axis]);
+            let near = &node.planes[axis][self.near[axis]];
+            let far = &node.planes[axis][1 - self.near[axis]];
+            for k in 0..WIDTH {
+                let (a, b) = ((near[k] - o) * i, (far[k] - o) * i);
+                enter[k] = if a > enter[k] { a } else { enter[k] };
+                leave[k] = if b < leave[k] { b } else { leave[k] };
+            }
+        }
+        let hit = std::array::from_fn(|k| enter[k] <= leave[k]);
+        (enter, hit)
+    }
+}
+
+/// Nodes still to visit: at most WIDTH - 1 siblings wait on each level, and one node is current.
+const STACK: usize = MAX_DEPTH * (WIDTH - 1) + 1;
+
+fn closest_along<const K: usize>(tree: &Tree, ray: &Ray) -> Option<Hit> {
+    let (slabs, sheared) = (Slabs::new(ray), Sheared::<K>::new(ray.origin, ray.direction));
+    let mut best = Hit { prim: u32::MAX, t: ray.tmax, u: 0.0, v: 0.0 };
+    let mut stack = [(0.0f32, Child { first: 0, count: 0 }); STACK];
+    let mut used = usize::from(!tree.nodes.is_empty());
+    while used > 0 {
+        used -= 1;
+        let (entry, child) = stack[used];
+        if entry > best.t {
+            continue;
+        }
+        if child.count > 0 {
+            for leaf in &tree.leaves[child.first as usize..(child.first + child.count) as usize] {
+                if let Some((t, u, v)) = sheared.cross(&leaf.corners, best.t)
+                    && (t < best.t || leaf.prim < best.prim)
+                {
+                    best = Hit { prim: leaf.prim, t, u, v };
+                }
+            }
+            continue;
+        }
+        let node = &tree.nodes[child.first as usize];
+        let (enter, hit) = slabs.enter(node, best.t);
+        let base = used;
+        for k in 0..WIDTH {
+            if hit[k] {
+                // Insertion keeps the nearest on top.
+                let mut at = used;
+                while at > base && stack[at - 1].0 < enter[k] {
+                    stack[at] = stack[at - 1];
+                    at -= 1;
+                }
+                stack[at] = (enter[k], node.children[k]);
+                used += 1;
+            }
+        }
+    }
+    (best.prim != u32::MAX).then_some(best)
+}
+
+fn occluded_along<const K: usize>(tree: &Tree, ray: &Ray) -> bool {
+    let (slabs, sheared) = (Slabs::new(ray), Sheared::<K>::new(ray.origin, ray.direction));
+    let mut stack = [0u32; STACK];
+    let mut used = usize::from(!tree.nodes.is_empty());
+    while used > 0 {
+        used -= 1;
+        let node = &tree.nodes[stack[used] as usize];
+        let (_, hit) = slabs.enter(node, ray.tmax);
+        for k in (0..WIDTH).filter(|k| hit[*k]) {
+            let child = node.children[k];
+            if child.count == 0 {
+                stack[used] = child.first;
+                used += 1;
+            } else {
+                let leaves = &tree.leaves[child.first as usize..(child.first + child.count) as usize];
+                if leaves.iter().any(|l| sheared.cross(&l.corners, ray.tmax).is_some()) {
+                    return true;
+                }
+            }
+        }
+    }
+    false
+}

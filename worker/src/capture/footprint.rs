@@ -1,0 +1,36 @@
+//! Where on a texel samples arrive: jittered over the part of its square that the chart covers, or at one point.
+
+use crate::sampling::{Dimension, TexelKey};
+use kiln_proto::texel::{SurfacePoint, SurfaceRaster, Texel};
+
+/// Jitters tried before a sample falls back to the centre. A texel that the chart covers by a tenth is missed by all with chance 0.43; the
+/// centre, which is always covered, then counts a little more than its share.
+const ATTEMPTS: u32 = 8;
+
+/// The points of a site.
+pub(crate) enum Points<'a> {
+    /// One point.
+    Fixed(SurfacePoint),
+    /// The covered part of a texel.
+    Area {
+        /// The surface.
+        raster: &'a SurfaceRaster,
+        /// The texel.
+        texel: &'a Texel,
+    },
+}
+
+impl Points<'_> {
+    /// The point of the `index`-th sample; `dimension` numbers the attempts.
+    pub(crate) fn at(&self, key: TexelKey, index: u32, dimension: fn(u32) -> Dimension) -> SurfacePoint {
+        match self {
+            Points::Fixed(point) => *point,
+            Points::Area { raster, texel } => (0..ATTEMPTS)
+                .find_map(|attempt| {
+                    let [dx, dy] = key.pair(dimension(attempt), index);
+                    raster.footprint(texel, dx, dy)
+                })
+                .unwrap_or_else(|| raster.centre(texel)),
+        }
+    }
+}

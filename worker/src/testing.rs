@@ -1,0 +1,172 @@
+//! What tests and benches share: scenes built in code, a loader for the project's own OBJ scenes, plans of them.
+//!
+//! The loader reads just what `tests/scenes` holds (`o`, `v`, `vt`, `f` with triangles, `usemtl`, `Kd Ks Ns Ke`); the real importer lives in
+//! the coordinator, which the worker must not know.
+#![allow(dead_code, clippy::unwrap_used, clippy::expect_used, clippy::missing_panics_doc)]
+
+use kiln_proto::{
+    BAKE_VERSION,
+    frame::FrameRule,
+    ids::SceneHash,
+    plan::{ChartSource, PLAN_VERSION, Plan, PlannedTile, SurfacePlan},
+    scene::{Lobe, Material, SCENE_VERSION, Scene, Surface, Triangle},
+    settings::{BakeSettings, SettingsPatch, TextureSize},
+    texel::SurfaceRaster,
+    tile::Cell,
+    units::Rgb,
+};
+use std::{collections::BTreeMap, path::PathBuf};
+
+/// A file of the project's `tests` folder.
+pub(crate) fn test_file(name: &str) -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../tests").join(name)
+}
+
+/// A diffuse material.
+pub(crate) fn lambert(kd: f32, ke: f32) -> Material {
+    Material {
+        name: "m".into(),
+        diffuse: Rgb::splat(kd),
+        diffuse_texture: None,
+        specular: Rgb::BLACK,
+        lobe: Lobe::Phong { exponent: 1.0 },
+        emission: Rgb::splat(ke),
+        emission_texture: None,
+    }
+}
+
+/// A glossy material.
+pub(crate) fn phong(kd: f32, ks: f32, exponent: f32) -> Material {
+    Material { specular: Rgb::splat(ks), lobe: Lobe::Phong { exponent }, ..lambert(kd, 0.0) }
+}
+
+/// A mirror over a diffuse base.
+pub(crate) fn mirror(kd: f32, ks: f32, ke: f32) -> Material {
+    Material { specular: Rgb::splat(ks), lobe: Lobe::Mirror, ..lambert(kd, ke) }
+}
+
+/// An empty scene.
+pub(crate) fn empty() -> Scene {
+    Scene { version: SCENE_VERSION, positions: vec![], surfaces: vec![], materials: vec![], textures: vec![] }
+}
+
+/// Adds a parallelogram as a surface of its own; its front is where `u x v` points, its texture coordinates are the unit square.
+pub(crate) fn add_quad(scene: &mut Scene, name: &str, corner: [f32; 3], u: [f32; 3], v: [f32; 3], material: Material) {
+    let at = |a: f32, b: f32| std::array::from_fn(|k| corner[k] + a * u[k] + b * v[k]);
+    let first = scene.positions.len() as u32;
+    let square = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
+    scene.positions.extend(square.map(|[a, b]| -> [f32; 3] { at(a, b) }));
+    let triangle =
+        |c: [u32; 3]| Triangle { corners: c.map(|k| first + k), uv: Some(c.map(|k| square[k as usize].map(|x: f32| x))), polygon: 0 };
+    let triangles = vec![triangle([0, 1, 2]), triangle([0, 2, 3])];
+    let surface = Surface { name: name.into(), file_stem: name.into(), material: scene.materials.len() as u32, triangles };
+    scene.materials.push(material);
+    scene.surfaces.push(surface);
+}
+
+/// A unit cube seen from inside, scaled: `wall0` .. `wall5`, all of one material. `wall0` is the floor.
+pub(crate) fn closed_box(size: f32, material: &Material) -> Scene {
+    let mut scene = empty();
+    let s = size;
+    let walls = [
+        ([0.0, 0.0, s], [s, 0.0, 0.0], [0.0, 0.0, -s]),
+        ([0.0, s, 0.0], [s, 0.0, 0.0], [0.0, 0.0, s]),
+        ([0.0, 0.0, 0.0], [s, 0.0, 0.0], [0.0, s, 0.0]),
+        ([s, 0.0, s], [-s, 0.0, 0.0], [0.0, s, 0.0]),
+        ([0.0, 0.0, s], [0.0, 0.0, -s], [0.0, s, 0.0]),
+        ([s, 0.0, 0.0], [0.0, 0.0, s], [0.0, s, 0.0]),
+    ];
+    for (k, (corner, u, v)) in walls.into_iter().enumerate() {
+        add_quad(&mut scene, &format!("wall{k}"), corner, u, v, material.clone());
+    }
+    scene
+}
+
+/// A scene with every coordinate multiplied.
+pub(crate) fn scaled(mut scene: Scene, factor: f32) -> Scene {
+    scene.positions.iter_mut().flatten().for_each(|v| *v *= factor);
+    scene
+}
+
+/// Settings by field.
+pub(crate) fn settings(json: &str) -> BakeSettings {
+    serde_json::from_str::<SettingsPatch>(json).unwrap().resolve().unwrap()
+}
+
+/// Loads a scene of `tests/scenes`.
+pub(crate) fn load(name: &str) -> Scene {
+    let path = test_file(&format!("scenes/{name}-room/{name}"));
+    let read = |extension: &str| std::fs::read_to_string(path.with_extension(extension)).unwrap();
+    let mut scene = empty();
+    let materials = load_materials(&read("mtl"), &mut scene);
+    let mut uv: Vec<[f32; 2]> = vec![];
+    for line in read("obj").lines() {
+        let words: Vec<&str> = line.split_whitespace().collect();
+        let number = |k: usize| words[k].parse::<f32>().unwrap();
+        match words.first().copied() {
+            Some("v") => scene.positions.push([number(1), number(2), number(3)]),
+            Some("vt") => uv.push([number(1), number(2)]),
+            Some("o") => {
+                let name = words[1].to_owned();
+                scene.surfaces.push(Surface { file_stem: name.clone(), name, material: 0, triangles: vec![] });
+            }
+            Some("usemtl") => scene.surfaces.last_mut().unwrap().material = materials[words[1]],
+            Some("f") => {
+                let corner = |k: usize| words[k].split('/').map(|i| i.parse::<u32>().unwrap() - 1).collect::<Vec<u32>>();
+                let c = [corner(1), corner(2), corner(3)];
+                let triangles = &mut scene.surfaces.last_mut().unwrap().triangles;
+                let polygon = triangles.len() as u32 / 2;
+                let texture = std::array::from_fn(|k| uv[c[k][1] as usize]);
+                triangles.push(Triangle { corners: std::array::from_fn(|k| c[k][0]), uv: Some(texture), polygon });
+            }
+            _ => {}
+        }
+    }
+    scene
+}
+
+fn load_materials(text: &str, scene: &mut Scene) -> BTreeMap<String, u32> {
+    let mut names = BTreeMap::new();
+    for line in text.lines() {
+        let words: Vec<&str> = line.split_whitespace().collect();
+        let colour = || Rgb::from(std::array::from_fn(|k| words[k + 1].parse::<f32>().unwrap()));
+        match words.first().copied() {
+            Some("newmtl") => {
+                names.insert(words[1].to_owned(), scene.materials.len() as u32);
+                scene.materials.push(Material { name: words[1].into(), ..lambert(0.0, 0.0) });
+            }
+            Some("Kd") => scene.materials.last_mut().unwrap().diffuse = colour(),
+            Some("Ks") => scene.materials.last_mut().unwrap().specular = colour(),
+            Some("Ke") => scene.materials.last_mut().unwrap().emission = colour(),
+            Some("Ns") => scene.materials.last_mut().unwrap().lobe = Lobe::Phong { exponent: words[1].parse().unwrap() },
+            _ => {}
+        }
+    }
+    names
+}
+
+/// A plan in the author's texture coordinates: sizes from `settings.texture_sizes`, 8x8 where they say nothing, times `texel_scale`.
+pub(crate) fn plan(scene: &Scene, settings: &BakeSettings) -> Plan {
+    let layout = |surface: &Surface| {
+        let given = settings.texture_sizes.get(&surface.name).copied().unwrap_or(TextureSize { width: 8, height: 8 });
+        let scale = |n: u32| ((n as f32 * settings.texel_scale).round() as u32).max(1);
+        let uv = surface.triangles.iter().map(|t| t.uv.unwrap()).collect();
+        let charts = surface.triangles.iter().map(|t| t.polygon).collect();
+        let size = TextureSize { width: scale(given.width), height: scale(given.height) };
+        let mut plan = SurfacePlan { size, source: ChartSource::Author, uv, charts, covered: 0, tiles: vec![] };
+        let raster = SurfaceRaster::new(scene, surface, &plan, FrameRule::Texture);
+        let cells = (0..raster.rows()).flat_map(|y| (0..raster.columns()).map(move |x| Cell { x: x as u16, y: y as u16 }));
+        let tile = |cell: Cell| {
+            let rows = raster.tile(cell);
+            let covered = rows.iter().filter(|r| r.is_covered()).count();
+            PlannedTile { cell, covered: covered as u16, gutter: (rows.len() - covered) as u16 }
+        };
+        plan.tiles = cells.map(tile).filter(|t| t.covered + t.gutter > 0).collect();
+        plan.tiles.sort_by_key(|t| t.cell.morton());
+        plan.covered = plan.tiles.iter().map(|t| u64::from(t.covered)).sum();
+        plan
+    };
+    let surfaces = scene.surfaces.iter().map(layout).collect();
+    let scene = SceneHash::of(&scene.to_bytes().unwrap());
+    Plan { version: PLAN_VERSION, bake_version: BAKE_VERSION, scene, settings: settings.clone(), surfaces, probe: None }
+}
