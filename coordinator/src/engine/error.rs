@@ -1,0 +1,85 @@
+//! Why the engine could not do what it was asked. Each variant is one kind of answer; `http::problem` maps them to statuses.
+
+use crate::{blob::BlobError, records::Problem, store::StoreError};
+use std::path::PathBuf;
+
+/// Why the engine could not do what it was asked.
+#[derive(Debug, thiserror::Error)]
+pub enum EngineError {
+    /// 404: nothing here has this name.
+    #[error("there is no {what} `{id}`")]
+    NotFound {
+        /// Scene, job, plan, file.
+        what: &'static str,
+        /// The name that was asked for.
+        id: String,
+    },
+    /// 409: it exists, but is not in a state that allows this.
+    #[error("{what} is {state}; {needed}")]
+    Conflict {
+        /// What, with its name.
+        what: String,
+        /// The state it is in.
+        state: String,
+        /// The state it must be in, as a clause.
+        needed: String,
+    },
+    /// 422: the request says something impossible; every problem found.
+    #[error("{}", first(.0))]
+    Invalid(Vec<Problem>),
+    /// 507: the disk is too small, or full.
+    #[error("{needed} bytes are needed, but {free} are free on the disk of {}; free some space or lower the texel density", path.display())]
+    NoSpace {
+        /// Bytes that the job is estimated to need, reserve included.
+        needed: u64,
+        /// Bytes free now.
+        free: u64,
+        /// The data folder.
+        path: PathBuf,
+    },
+    /// 503: shutting down, or not possible right now.
+    #[error("the coordinator is not available: {0}")]
+    Unavailable(&'static str),
+    /// Start-up: another process holds the data folder.
+    #[error("the data folder {} is used by another coordinator; stop it or choose another folder", path.display())]
+    Locked {
+        /// The data folder.
+        path: PathBuf,
+    },
+    /// Start-up: the data folder cannot be used.
+    #[error("the data folder {} cannot be used: {doing} failed", path.display())]
+    DataFolder {
+        /// The folder or the file in it.
+        path: PathBuf,
+        /// What was tried.
+        doing: &'static str,
+        /// Why it failed.
+        #[source]
+        source: std::io::Error,
+    },
+    /// 500: the store failed.
+    #[error("the store failed")]
+    Store(#[from] StoreError),
+    /// 500: the blob store failed.
+    #[error("the blob store failed")]
+    Blob(#[from] BlobError),
+    /// 500: stored bytes are not what they were when they were written, or a task panicked.
+    #[error("{0}")]
+    Broken(String),
+}
+
+impl EngineError {
+    /// One problem with a request.
+    #[must_use]
+    pub fn invalid(message: impl Into<String>) -> Self {
+        Self::Invalid(vec![Problem { message: message.into(), file: None, line: None }])
+    }
+}
+
+fn first(problems: &[Problem]) -> String {
+    match problems {
+        [] => "the request is not valid".into(),
+        [only] => only.to_string(),
+        [first, rest @ ..] => format!("{first} (and {} more)", rest.len()),
+    }
+}
