@@ -62,7 +62,7 @@ kinds! {
         "The connection or the multipart body ended before all that was announced had arrived. Nothing of it was kept."
         "Upload again.";
     EmptyUpload "empty-upload" UNPROCESSABLE_ENTITY "The upload holds nothing to import"
-        "There is no file in the upload, or a file of it is empty."
+        "There is no file in the upload, or all its files are empty."
         "Send at least one file with content; in multipart each part needs a filename.";
     BadFileName "bad-file-name" UNPROCESSABLE_ENTITY "A file name is not allowed"
         "Names are relative paths with forward slashes, without `.`, `..`, drive letters, control characters or repetitions."
@@ -80,17 +80,14 @@ kinds! {
         "No scene has that id or hash."
         "List the scenes with GET /v1/scenes, or upload it.";
     SceneNotReady "scene-not-ready" CONFLICT "The scene is not ready"
-        "The scene was rejected, so that no job can use it."
-        "GET the scene to see its problems; upload a corrected one.";
+        "The scene was rejected, or is still being imported where that matters; `detail` says which."
+        "GET the scene to see its state and problems; wait, or upload a corrected one.";
     UnknownJob "unknown-job" NOT_FOUND "There is no such job"
         "No job has that id; it may have been deleted."
         "List the jobs with GET /v1/jobs.";
     JobNotDone "job-not-done" CONFLICT "The job has no package yet"
         "Assets exist once a job is done; `detail` says how far it is."
         "Follow GET /v1/jobs/{id}/events until the state is `done`.";
-    JobFinished "job-finished" CONFLICT "The job has finished"
-        "A job that is done, failed or cancelled cannot change any more."
-        "Submit another job.";
     UnknownAsset "unknown-asset" NOT_FOUND "There is no such file in the package"
         "The package of this job has no file at that path."
         "GET /v1/jobs/{id}/assets lists the files.";

@@ -4,7 +4,7 @@
 //! client cannot act on (a database error, a panic) is logged with its sources and answered without them.
 
 use super::catalogue::Kind;
-use crate::records::Problem;
+use crate::{engine::EngineError, records::Problem};
 use axum::{
     extract::rejection::{PathRejection, QueryRejection},
     http::{HeaderName, HeaderValue, header},
@@ -108,6 +108,13 @@ impl Failure {
         failure
     }
 
+    /// Lists every finding.
+    #[must_use]
+    pub fn problems(mut self, problems: Vec<Problem>) -> Self {
+        self.0.problems = problems;
+        self
+    }
+
     /// Names the field or parameter to blame.
     #[must_use]
     pub fn field(mut self, field: impl Into<String>) -> Self {
@@ -197,6 +204,43 @@ impl IntoResponse for Failure {
         let mut response = (entry.status, [(header::CONTENT_TYPE, "application/problem+json")], body).into_response();
         response.headers_mut().extend(headers);
         response
+    }
+}
+
+impl From<EngineError> for Failure {
+    fn from(error: EngineError) -> Self {
+        let detail = error.to_string();
+        match error {
+            EngineError::NotFound { what, .. } => Failure::new(unknown(what), detail),
+            EngineError::Conflict { what, .. } => Failure::new(conflict(&what), detail),
+            EngineError::Invalid(problems) => Failure::new(Kind::InvalidSettings, detail).problems(problems),
+            EngineError::NoSpace { .. } => Failure::new(Kind::StorageFull, detail),
+            EngineError::Unavailable(_) => Failure::new(Kind::Busy, detail).retry_after(2),
+            other @ (EngineError::Locked { .. }
+            | EngineError::DataFolder { .. }
+            | EngineError::Store(_)
+            | EngineError::Blob(_)
+            | EngineError::Broken(_)) => Failure::internal(other),
+        }
+    }
+}
+
+/// The kind for a name that the engine does not know, by what it was a name of.
+fn unknown(what: &str) -> Kind {
+    match what {
+        "scene" => Kind::UnknownScene,
+        "job" => Kind::UnknownJob,
+        "file" => Kind::UnknownAsset,
+        _ => Kind::NotFound,
+    }
+}
+
+/// The kind for a resource in the wrong state, by the resource.
+fn conflict(what: &str) -> Kind {
+    match what.split(' ').next() {
+        Some("scene") => Kind::SceneNotReady,
+        Some("job") => Kind::JobNotDone,
+        _ => Kind::Conflict,
     }
 }
 
