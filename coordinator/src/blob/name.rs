@@ -1,0 +1,45 @@
+//! The name of a blob: `blake3/` and 64 hexadecimal digits.
+
+use kiln_proto::ids::{BadId, Digest};
+use serde::{Deserialize, Serialize};
+use std::{fmt, str::FromStr};
+
+/// The name of a blob, which is the BLAKE3 hash of its bytes as stored (a compressed scene's blob is not named by the scene's hash).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(try_from = "String", into = "String")]
+pub struct BlobName(pub Digest);
+
+impl BlobName {
+    /// The name of these bytes.
+    #[must_use]
+    pub fn of(bytes: &[u8]) -> Self {
+        Self(Digest::of(bytes))
+    }
+}
+
+impl fmt::Display for BlobName {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "blake3/{}", self.0)
+    }
+}
+
+impl FromStr for BlobName {
+    type Err = BadId;
+    fn from_str(text: &str) -> Result<Self, BadId> {
+        let bad = || BadId { what: "blob name", text: text.chars().take(80).collect() };
+        text.strip_prefix("blake3/").ok_or_else(bad)?.parse().map(Self)
+    }
+}
+
+impl TryFrom<String> for BlobName {
+    type Error = BadId;
+    fn try_from(text: String) -> Result<Self, BadId> {
+        text.parse()
+    }
+}
+
+impl From<BlobName> for String {
+    fn from(name: BlobName) -> String {
+        name.to_string()
+    }
+}

@@ -1,0 +1,144 @@
+//! Which events may happen to a job, and what follows.
+//!
+//! ```text
+//!                         merged: next phase
+//!                              ┌──────┐
+//!                              │      ▼
+//! Queued ─► Preparing ─► Baking{phase, left} ─► Assembling{left} ─► Done
+//!   scene      prepared     last tile of Bake      last surface, then published
+//!
+//!   any of these ──fail──► Failed{problem}      any of these ──cancel──► Cancelled
+//! ```
+//! Pure: events come in, [`Action`]s go out, and the store performs them in the transaction that saves the new state. Time is no input:
+//! nothing here happens because time has passed (leases know time, jobs only know what was delivered). The alternative, a job that asks the
+//! store whether its tiles are done, needs a transaction per question and cannot be run through random schedules.
+
+use super::state::{Job, JobTask};
+use crate::records::Problem;
+use kiln_proto::wire::message::Phase;
+
+/// What may happen to a job.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Event {
+    /// Its scene is canonical.
+    SceneReady,
+    /// The plan is made.
+    Prepared {
+        /// Tiles of the first phase, Probe.
+        tiles: u64,
+        /// Surfaces of the scene.
+        surfaces: u32,
+    },
+    /// Tiles of a phase were accepted for the first time.
+    Accepted {
+        /// The phase.
+        phase: Phase,
+        /// How many.
+        tiles: u64,
+    },
+    /// The barrier behind a phase has put its results into the plan.
+    Merged {
+        /// The phase that ended.
+        phase: Phase,
+        /// Tiles of the next phase.
+        tiles: u64,
+    },
+    /// One surface's files are written.
+    SurfaceAssembled,
+    /// The manifest is written: the package is whole.
+    Published,
+    /// It cannot finish.
+    Fail(Problem),
+    /// Someone cancels it.
+    Cancel,
+}
+
+/// What follows from a transition.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Action {
+    /// Coordinator work becomes due.
+    Enqueue(JobTask),
+    /// The tiles 0 .. n of a phase become leasable.
+    OpenPhase {
+        /// The phase.
+        phase: Phase,
+        /// n.
+        tiles: u64,
+    },
+    /// Leases, pending tiles and waiting tasks are withdrawn; their holders are told to stop.
+    Withdraw,
+    /// Segments and leases are no longer needed.
+    Retire,
+}
+
+/// An event that does not fit the state it met.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{event} does not fit a job that is {state}")]
+pub struct Illegal {
+    /// The event.
+    pub event: &'static str,
+    /// The state.
+    pub state: &'static str,
+}
+
+impl Event {
+    /// The name of the event for messages.
+    #[must_use]
+    pub fn name(&self) -> &'static str {
+        match self {
+            Event::SceneReady => "a ready scene",
+            Event::Prepared { .. } => "a plan",
+            Event::Accepted { .. } => "a delivered tile",
+            Event::Merged { .. } => "a merged phase",
+            Event::SurfaceAssembled => "an assembled surface",
+            Event::Published => "a published package",
+            Event::Fail(_) => "a failure",
+            Event::Cancel => "cancelling",
+        }
+    }
+}
+
+/// The state after an event, and what follows.
+///
+/// # Errors
+/// [`Illegal`] where the diagram has no such arrow; the state is unchanged then.
+pub fn apply(job: &Job, event: &Event) -> Result<(Job, Vec<Action>), Illegal> {
+    let illegal = || Illegal { event: event.name(), state: job.name() };
+    match (job, event) {
+        (Job::Queued, Event::SceneReady) => Ok((Job::Preparing, vec![Action::Enqueue(JobTask::Prepare)])),
+        (Job::Preparing, Event::Prepared { tiles, surfaces }) if *tiles > 0 => {
+            let phase = Phase::Probe;
+            Ok((Job::Baking { phase, left: *tiles, surfaces: *surfaces }, vec![Action::OpenPhase { phase, tiles: *tiles }]))
+        }
+        (Job::Baking { phase, left, surfaces }, Event::Accepted { phase: of, tiles }) if phase == of && tiles <= left => {
+            Ok(delivered(*phase, left - tiles, *surfaces))
+        }
+        (Job::Baking { phase: Phase::Probe, left: 0, surfaces }, Event::Merged { phase: Phase::Probe, tiles }) if *tiles > 0 => {
+            let phase = Phase::Bake;
+            Ok((Job::Baking { phase, left: *tiles, surfaces: *surfaces }, vec![Action::OpenPhase { phase, tiles: *tiles }]))
+        }
+        (Job::Assembling { left }, Event::SurfaceAssembled) if *left > 0 => {
+            let left = left - 1;
+            let publish = (left == 0).then_some(Action::Enqueue(JobTask::Publish));
+            Ok((Job::Assembling { left }, publish.into_iter().collect()))
+        }
+        (Job::Assembling { left: 0 }, Event::Published) => Ok((Job::Done, vec![Action::Retire])),
+        (job, Event::Fail(problem)) if !job.is_final() => {
+            Ok((Job::Failed { problem: problem.clone() }, vec![Action::Withdraw, Action::Retire]))
+        }
+        (job, Event::Cancel) if !job.is_final() => Ok((Job::Cancelled, vec![Action::Withdraw, Action::Retire])),
+        _ => Err(illegal()),
+    }
+}
+
+/// A phase with `left` tiles to go: the last one of Probe calls its barrier, the last one of Bake calls assembly.
+fn delivered(phase: Phase, left: u64, surfaces: u32) -> (Job, Vec<Action>) {
+    match (phase, left) {
+        (Phase::Probe, 0) => (Job::Baking { phase, left, surfaces }, vec![Action::Enqueue(JobTask::Merge(phase))]),
+        (Phase::Bake, 0) => {
+            let tasks = (0..surfaces).map(|s| Action::Enqueue(JobTask::Assemble(s))).collect();
+            (Job::Assembling { left: surfaces }, tasks)
+        }
+        _ => (Job::Baking { phase, left, surfaces }, vec![]),
+    }
+}
