@@ -1,0 +1,77 @@
+//! `/v1/bakes`: a scene and a job in one call, made for curl.
+
+use super::{
+    App,
+    catalogue::Kind,
+    extract::{self, Query},
+    jobs,
+    problem::{Answer, Failure},
+    scenes,
+    upload::Upload,
+};
+use crate::records::{JobRecord, NewJob, SceneRecord};
+use axum::{
+    Json,
+    extract::{Request, State},
+    http::{HeaderName, StatusCode, header},
+};
+use kiln_proto::settings::SettingsPatch;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use utoipa::{IntoParams, ToSchema};
+
+/// Query of a bake.
+#[derive(Debug, Deserialize, IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+pub struct BakeQuery {
+    /// Name of the file when the body is a single one, such as `room.obj`.
+    pub name: Option<String>,
+    /// Settings as JSON (schema SettingsPatch), where no part `settings` gives them.
+    #[param(example = r#"{"preset":"draft"}"#)]
+    pub settings: Option<String>,
+    /// Higher goes first.
+    #[serde(default)]
+    pub priority: i32,
+}
+
+/// What a bake began.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct Bake {
+    /// The scene, imported or still importing.
+    pub scene: SceneRecord,
+    /// The job.
+    pub job: JobRecord,
+}
+
+/// Upload a scene and bake it.
+///
+/// The body is that of `POST /v1/scenes`; a part `settings` (or the query parameter) holds the settings as JSON.
+#[utoipa::path(post, path = "/v1/bakes", tag = "jobs", params(BakeQuery),
+    request_body(description = "The files, and the settings", content(
+        (String = "multipart/form-data"), (String = "application/zip"), (String = "model/obj"), (String = "application/octet-stream"))),
+    responses((status = 201, description = "Scene and job", body = Bake, headers(("location" = String, description = "The job")))))]
+pub async fn create(
+    State(app): State<App>,
+    Query(query): Query<BakeQuery>,
+    request: Request,
+) -> Answer<(StatusCode, [(HeaderName, String); 1], Json<Bake>)> {
+    // What the query says is judged before gigabytes are read.
+    let given = query.settings.as_deref().map(|text| parse(text.as_bytes())).transpose()?;
+    let mut upload = Upload::receive(&app.engine, request, query.name.as_deref()).await?;
+    let part = upload.settings.take().map(|json| parse(&json)).transpose()?;
+    if given.is_some() && part.is_some() {
+        return Err(Failure::new(Kind::InvalidRequest, "settings come both in the query and in a part; say them once").field("settings"));
+    }
+    let settings = given.or(part).unwrap_or_default();
+    let scene = scenes::import(&app.engine, upload).await?;
+    let new = NewJob { scene: scene.id.to_string(), settings, priority: query.priority, labels: BTreeMap::new() };
+    let job = app.engine.create_job(new).await?;
+    Ok((StatusCode::CREATED, [(header::LOCATION, jobs::location(job.id))], Json(Bake { scene, job })))
+}
+
+fn parse(json: &[u8]) -> Answer<SettingsPatch> {
+    let settings = extract::json(json, Kind::InvalidSettings)?;
+    jobs::check(&settings)?;
+    Ok(settings)
+}

@@ -1,0 +1,27 @@
+//! `/healthz`: this process runs. `/readyz`: it can also do its work. An orchestrator restarts for the first and routes by the second, so that
+//! a full disk does not lead to a restart.
+
+use super::{
+    App,
+    catalogue::Kind,
+    problem::{Answer, Failure, chain},
+};
+use axum::extract::State;
+
+/// Liveness.
+#[utoipa::path(get, path = "/healthz", tag = "operations", responses((status = 200, description = "Alive", body = String, content_type = "text/plain")))]
+pub async fn healthz() -> &'static str {
+    "ok\n"
+}
+
+/// Readiness: store and blobs answer, the disk has room, and no shut-down has begun.
+#[utoipa::path(get, path = "/readyz", tag = "operations", responses((status = 200, description = "Ready", body = String, content_type = "text/plain")))]
+pub async fn readyz(State(app): State<App>) -> Answer<&'static str> {
+    if app.closing.is_cancelled() {
+        return Err(Failure::new(Kind::NotReady, "the service is shutting down"));
+    }
+    match app.engine.ready().await {
+        Ok(()) => Ok("ok\n"),
+        Err(error) => Err(Failure::new(Kind::NotReady, chain(&error)).retry_after(5).caused_by(error)),
+    }
+}

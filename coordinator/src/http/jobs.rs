@@ -1,0 +1,137 @@
+//! `/v1/jobs`: submit, estimate, list, look up, cancel, delete.
+
+use super::{
+    App,
+    catalogue::Kind,
+    extract::{JobInPath, Json as JsonBody, Query},
+    problem::{Answer, Failure},
+};
+use crate::{
+    engine::{Estimate, JobFilter, JobPage},
+    records::{JobRecord, JobState, NewJob},
+};
+use axum::{
+    Json,
+    extract::State,
+    http::{StatusCode, header},
+    response::{IntoResponse, Response},
+};
+use kiln_proto::{
+    ids::JobId,
+    settings::{BadSetting, SettingsPatch},
+};
+use serde::Deserialize;
+use utoipa::IntoParams;
+
+/// Query of a submission.
+#[derive(Debug, Deserialize, IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+pub struct CreateQuery {
+    /// Answer what the job would cost, and create nothing.
+    #[serde(default)]
+    pub dry_run: bool,
+}
+
+/// Submit a job.
+///
+/// The scene may still be importing, except for `dry_run`, which answers texels, tiles, bytes and the time to expect.
+#[utoipa::path(post, path = "/v1/jobs", tag = "jobs", params(CreateQuery), request_body = NewJob,
+    responses(
+        (status = 201, description = "Created", body = JobRecord, headers(("location" = String, description = "The job"))),
+        (status = 200, description = "With `dry_run`: what it would cost", body = Estimate)))]
+pub async fn create(State(app): State<App>, Query(query): Query<CreateQuery>, JsonBody(new): JsonBody<NewJob>) -> Answer<Response> {
+    check(&new.settings)?;
+    if query.dry_run {
+        return Ok(Json(app.engine.estimate(&new).await?).into_response());
+    }
+    let job = app.engine.create_job(new).await?;
+    Ok((StatusCode::CREATED, [(header::LOCATION, location(job.id))], Json(job)).into_response())
+}
+
+/// Where a job is.
+#[must_use]
+pub fn location(job: JobId) -> String {
+    format!("/v1/jobs/{job}")
+}
+
+/// Settings that cannot be used are refused by field before anything is created.
+///
+/// # Errors
+/// The first field out of its range.
+pub fn check(settings: &SettingsPatch) -> Answer<()> {
+    let wrong = |bad: BadSetting| Failure::new(Kind::InvalidSettings, bad.to_string()).field(bad.field);
+    settings.resolve().map(drop).map_err(wrong)
+}
+
+/// Query of the list.
+#[derive(Debug, Deserialize, IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+pub struct ListQuery {
+    /// Only jobs in this state.
+    #[param(inline)]
+    pub state: Option<JobState>,
+    /// Only jobs with this label: `name:value`.
+    #[param(example = "project:atrium")]
+    pub label: Option<String>,
+    /// `next` of the page before.
+    #[param(value_type = Option<String>)]
+    pub cursor: Option<JobId>,
+    /// At most this many; 100 unless given, and never more than 1,000.
+    #[serde(default)]
+    #[param(maximum = 1000)]
+    pub limit: u32,
+}
+
+/// Jobs, youngest first.
+#[utoipa::path(get, path = "/v1/jobs", tag = "jobs", params(ListQuery),
+    responses((status = 200, description = "A page of jobs", body = JobPage)))]
+pub async fn list(State(app): State<App>, Query(query): Query<ListQuery>) -> Answer<Json<JobPage>> {
+    let label = query.label.as_deref().map(split_label).transpose()?;
+    let filter = JobFilter { state: query.state, label, cursor: query.cursor, limit: query.limit };
+    Ok(Json(app.engine.jobs(&filter).await?))
+}
+
+/// Name and value of a label. The first colon or equals sign parts them, so that values may hold either.
+fn split_label(text: &str) -> Answer<(String, String)> {
+    let parted = text.split_once([':', '=']).filter(|(name, _)| !name.is_empty());
+    let wrong = || Failure::new(Kind::InvalidRequest, format!("label `{}`: expected name:value", text.escape_debug())).field("label");
+    parted.map(|(name, value)| (name.to_owned(), value.to_owned())).ok_or_else(wrong)
+}
+
+/// A job: state, phase, progress, and why nothing happens where nothing does.
+#[utoipa::path(get, path = "/v1/jobs/{id}", tag = "jobs", params(("id" = String, Path, description = "The job's id")),
+    responses((status = 200, description = "The job", body = JobRecord)))]
+pub async fn get(State(app): State<App>, JobInPath(job): JobInPath) -> Answer<Json<JobRecord>> {
+    Ok(Json(app.engine.job(job).await?))
+}
+
+/// Cancel a job. One that has ended is left as it is.
+#[utoipa::path(post, path = "/v1/jobs/{id}/cancel", tag = "jobs", params(("id" = String, Path, description = "The job's id")),
+    responses((status = 200, description = "The job as it is now", body = JobRecord)))]
+pub async fn cancel(State(app): State<App>, JobInPath(job): JobInPath) -> Answer<Json<JobRecord>> {
+    Ok(Json(app.engine.cancel_job(job).await?))
+}
+
+/// Cancel a job and remove every trace of it, its package included.
+#[utoipa::path(delete, path = "/v1/jobs/{id}", tag = "jobs", params(("id" = String, Path, description = "The job's id")),
+    responses((status = 204, description = "Gone")))]
+pub async fn delete(State(app): State<App>, JobInPath(job): JobInPath) -> Answer<StatusCode> {
+    app.engine.delete_job(job).await?;
+    Ok(StatusCode::NO_CONTENT)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn labels_have_a_name_and_a_value() {
+        let pair = |name: &str, value: &str| (name.to_owned(), value.to_owned());
+        assert_eq!(split_label("a:b").unwrap(), pair("a", "b"));
+        assert_eq!(split_label("url=http://x").unwrap(), pair("url", "http://x"));
+        assert_eq!(split_label("a:").unwrap(), pair("a", ""));
+        assert!(split_label(":b").is_err() && split_label("ab").is_err());
+    }
+}

@@ -1,0 +1,192 @@
+//! The OpenAPI 3.1 document: paths and records by derive, then completed from what the derive cannot know.
+//!
+//! Added afterwards, on the JSON: the settings' schemas, the body of multipart uploads, bytes that are no text, and for each operation the
+//! problems that the table of routes says it may answer with. So each fact stands in one place of the code.
+
+use super::{
+    archive, assets, bakes,
+    catalogue::Kind,
+    events, health, index, jobs, metrics, problem,
+    routes::{Route, Routes},
+    scenes, settings_schema, tiles, worker_protocol, workers,
+};
+use crate::records;
+use axum::Json;
+use serde_json::{Value, json};
+use std::{collections::BTreeMap, sync::LazyLock};
+use utoipa::OpenApi;
+
+#[derive(OpenApi)]
+#[openapi(
+    info(title = "Kiln", description = "A bake farm for lighting that depends on the viewer: scenes in, surface light fields out.",
+        license(name = "MIT OR Apache-2.0", identifier = "MIT OR Apache-2.0")),
+    tags(
+        (name = "scenes", description = "Upload and look up scenes"),
+        (name = "jobs", description = "Submit bakes and follow them"),
+        (name = "packages", description = "Fetch what was baked"),
+        (name = "operations", description = "Workers, health, figures"),
+        (name = "worker", description = "The worker protocol: frames of `proto::wire`, refusals as `Refusal` frames"),
+        (name = "pages", description = "For people")),
+    paths(
+        index::index, index::problem_page, document,
+        scenes::create, scenes::list, scenes::get, bakes::create,
+        jobs::create, jobs::list, jobs::get, jobs::delete, jobs::cancel, events::stream, tiles::get,
+        assets::manifest, assets::file, archive::zip, archive::tar_zst,
+        worker_protocol::hello, worker_protocol::lease, worker_protocol::scene, worker_protocol::plan, worker_protocol::chunk,
+        worker_protocol::heartbeat, worker_protocol::complete, worker_protocol::release,
+        workers::list, health::healthz, health::readyz, metrics::render),
+    components(schemas(problem::ProblemDetails, records::JobEvent, events::Snapshot, records::NewJob))
+)]
+struct Derived;
+
+static DOCUMENT: LazyLock<Value> = LazyLock::new(|| complete(&Derived::openapi(), &Routes::all().list));
+
+/// The document.
+#[must_use]
+pub fn openapi() -> &'static Value {
+    &DOCUMENT
+}
+
+/// This document.
+#[utoipa::path(get, path = "/openapi.json", tag = "pages", responses((status = 200, description = "OpenAPI 3.1", body = Object)))]
+pub async fn document() -> Json<&'static Value> {
+    Json(openapi())
+}
+
+fn complete(derived: &utoipa::openapi::OpenApi, routes: &[Route]) -> Value {
+    // Serialising plain data does not fail; were it to, the empty document would fail the tests below.
+    let mut document = serde_json::to_value(derived).unwrap_or_default();
+    let schemas = &mut document["components"]["schemas"];
+    schemas["SettingsPatch"] = settings_schema::settings_patch();
+    schemas["BakeSettings"] = settings_schema::bake_settings();
+    schemas["NewJob"]["properties"]["settings"] = reference("SettingsPatch");
+    schemas["NewJob"]["additionalProperties"] = false.into();
+    schemas["NewJob"]["examples"] = json!([{"scene": "0".repeat(64), "settings": {"preset": "draft"}, "labels": {"project": "atrium"}}]);
+    schemas["JobRecord"]["properties"]["settings"] = reference("BakeSettings");
+    let run = json!({"type": "object", "description": "The tiles from `start` to before `end`.", "required": ["start", "end"],
+        "properties": {"start": {"type": "integer", "minimum": 0}, "end": {"type": "integer", "minimum": 0}}});
+    schemas["TileRun"] = run;
+    for owner in ["DoneTiles", "Snapshot"] {
+        schemas[owner]["properties"]["runs"]["items"] = reference("TileRun");
+    }
+    describe_uploads(&mut document);
+    describe_bytes(&mut document["paths"]);
+    for route in routes {
+        add_problems(&mut document["paths"][route.documented_path()][route.verb.name()]["responses"], route);
+    }
+    document
+}
+
+fn reference(schema: &str) -> Value {
+    json!({"$ref": format!("#/components/schemas/{schema}")})
+}
+
+/// One part per file, and for bakes the settings.
+fn describe_uploads(document: &mut Value) {
+    let file = json!({"description": "One part per file, under any field name; `filename` is the path that the scene uses for it."});
+    let scene = json!({"type": "object", "additionalProperties": file});
+    let mut bake = scene.clone();
+    bake["properties"] = json!({"settings": reference("SettingsPatch")});
+    for (path, schema) in [("/v1/scenes", scene), ("/v1/bakes", bake)] {
+        document["paths"][path]["post"]["requestBody"]["content"]["multipart/form-data"] = json!({ "schema": schema });
+    }
+}
+
+/// OpenAPI 3.1 describes plain bytes by a media type without a schema.
+fn describe_bytes(value: &mut Value) {
+    const BYTES: &[&str] =
+        &["application/octet-stream", "application/zip", "application/zstd", "model/obj", worker_protocol::FRAME];
+    match value {
+        Value::Object(fields) => {
+            for (name, field) in fields.iter_mut() {
+                if BYTES.contains(&name.as_str()) {
+                    *field = json!({});
+                } else {
+                    describe_bytes(field);
+                }
+            }
+        }
+        Value::Array(items) => items.iter_mut().for_each(describe_bytes),
+        _ => {}
+    }
+}
+
+/// Problems by status: what the table says, and what any route may answer.
+fn add_problems(responses: &mut Value, route: &Route) {
+    const ALWAYS: &[Kind] = &[Kind::ForeignHost, Kind::ForeignOrigin, Kind::Busy, Kind::Internal];
+    let mut by_status: BTreeMap<u16, Vec<Kind>> = BTreeMap::new();
+    for kind in route.problems.iter().chain(ALWAYS) {
+        by_status.entry(kind.entry().status.as_u16()).or_default().push(*kind);
+    }
+    for (status, kinds) in by_status {
+        let status = status.to_string();
+        if !responses[&status].is_null() {
+            continue; // The worker protocol answers with a frame here.
+        }
+        let titles: Vec<String> = kinds.iter().map(|kind| format!("{} (`{}`)", kind.entry().title, kind.uri())).collect();
+        let examples: Value = kinds.iter().map(|kind| (kind.entry().slug.to_owned(), example(*kind))).collect::<serde_json::Map<_, _>>().into();
+        let content = json!({"application/problem+json": {"schema": reference("ProblemDetails"), "examples": examples}});
+        responses[&status] = json!({"description": titles.join("; "), "content": content});
+    }
+}
+
+fn example(kind: Kind) -> Value {
+    let entry = kind.entry();
+    json!({"value": {"type": kind.uri(), "title": entry.title, "status": entry.status.as_u16(), "detail": entry.meaning}})
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::BTreeSet;
+
+    #[test]
+    fn every_route_is_documented_and_every_documented_route_exists() {
+        let served: BTreeSet<String> = Routes::all().list.iter().map(|r| format!("{} {}", r.verb.name(), r.documented_path())).collect();
+        let paths = openapi()["paths"].as_object().unwrap();
+        let documented = paths.iter().flat_map(|(path, item)| {
+            let methods = item.as_object().unwrap().iter().filter(|(_, operation)| operation["operationId"].is_string());
+            methods.map(move |(method, _)| format!("{method} {path}"))
+        });
+        assert_eq!(documented.collect::<BTreeSet<_>>(), served);
+    }
+
+    #[test]
+    fn every_parameter_of_a_path_is_documented() {
+        for route in Routes::all().list {
+            let operation = &openapi()["paths"][route.documented_path()][route.verb.name()];
+            let named: BTreeSet<&str> = operation["parameters"].as_array().into_iter().flatten().filter(|p| p["in"] == "path").map(|p| p["name"].as_str().unwrap()).collect();
+            let path = route.documented_path();
+            let needed: BTreeSet<&str> = path.split('/').filter_map(|part| part.strip_prefix('{')?.strip_suffix('}')).collect();
+            assert_eq!(named, needed, "{path}");
+        }
+    }
+
+    #[test]
+    fn every_reference_leads_somewhere() {
+        fn walk<'a>(value: &'a Value, found: &mut Vec<&'a str>) {
+            match value {
+                Value::Object(fields) => {
+                    found.extend(fields.get("$ref").and_then(Value::as_str));
+                    fields.values().for_each(|field| walk(field, found));
+                }
+                Value::Array(items) => items.iter().for_each(|item| walk(item, found)),
+                _ => {}
+            }
+        }
+        let mut found = Vec::new();
+        walk(openapi(), &mut found);
+        assert!(found.len() > 50);
+        for target in found {
+            assert!(openapi().pointer(target.trim_start_matches('#')).is_some(), "{target}");
+        }
+    }
+
+    #[test]
+    fn the_document_is_of_version_3_1_and_names_problems() {
+        assert_eq!(openapi()["openapi"], "3.1.0");
+        let rejected = &openapi()["paths"]["/v1/scenes"]["post"]["responses"]["422"]["content"]["application/problem+json"];
+        assert_eq!(rejected["examples"]["scene-rejected"]["value"]["type"], "/problems/scene-rejected");
+        assert_eq!(openapi()["components"]["schemas"]["NewJob"]["properties"]["settings"], reference("SettingsPatch"));
+    }
+}

@@ -1,0 +1,96 @@
+//! `/v1/scenes`: upload, look up, list.
+
+use super::{
+    App,
+    extract::{Path, Query},
+    problem::{Answer, Failure},
+    upload::Upload,
+};
+use crate::{
+    engine::{Engine, EngineError, ScenePage},
+    records::{SceneRecord, SceneState},
+};
+use axum::{
+    Json,
+    extract::{Request, State},
+    http::{HeaderName, StatusCode, header},
+};
+use serde::Deserialize;
+use std::time::Duration;
+use utoipa::IntoParams;
+use uuid::Uuid;
+
+/// How long an upload waits for its import before the answer is 202.
+pub const IMPORT_WAIT: Duration = Duration::from_secs(30);
+
+/// Query of an upload.
+#[derive(Debug, Deserialize, IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+pub struct UploadQuery {
+    /// Name of the file when the body is a single one, such as `room.obj`.
+    pub name: Option<String>,
+}
+
+/// Upload a scene.
+///
+/// Either `multipart/form-data` with one part per file, whose `filename` is the path that the scene uses for it, or one file as the body: an
+/// OBJ, or a ZIP with everything that it refers to. The answer comes when the scene has been imported, or after 30 s as 202.
+#[utoipa::path(post, path = "/v1/scenes", tag = "scenes", params(UploadQuery),
+    request_body(description = "The files", content(
+        (String = "multipart/form-data"), (String = "application/zip"), (String = "model/obj"), (String = "application/octet-stream"))),
+    responses(
+        (status = 201, description = "Imported", body = SceneRecord, headers(("location" = String, description = "The scene"))),
+        (status = 202, description = "Still importing; ask again at Location", body = SceneRecord)))]
+pub async fn create(
+    State(app): State<App>,
+    Query(query): Query<UploadQuery>,
+    request: Request,
+) -> Answer<(StatusCode, [(HeaderName, String); 1], Json<SceneRecord>)> {
+    let upload = Upload::receive(&app.engine, request, query.name.as_deref()).await?;
+    let scene = import(&app.engine, upload).await?;
+    let status = if scene.state == SceneState::Ready { StatusCode::CREATED } else { StatusCode::ACCEPTED };
+    Ok((status, [(header::LOCATION, format!("/v1/scenes/{}", scene.id))], Json(scene)))
+}
+
+/// The scene of an upload, imported or still importing.
+///
+/// # Errors
+/// A rejected scene, with every problem found.
+pub async fn import(engine: &Engine, upload: Upload) -> Answer<SceneRecord> {
+    let rejected = |error| match error {
+        EngineError::Invalid(problems) => Failure::scene_rejected(problems),
+        other => other.into(),
+    };
+    let added = upload.give(|files| engine.add_scene(files)).await.map_err(rejected)?;
+    let scene = engine.wait_for_scene(added.id, IMPORT_WAIT).await?;
+    if scene.state == SceneState::Rejected { Err(Failure::scene_rejected(scene.problems)) } else { Ok(scene) }
+}
+
+/// A scene, by the id of its upload or by its hash.
+#[utoipa::path(get, path = "/v1/scenes/{scene}", tag = "scenes",
+    params(("scene" = String, Path, description = "Id of the upload, or the scene's hash")),
+    responses((status = 200, description = "The scene; a rejected one lists its problems", body = SceneRecord)))]
+pub async fn get(State(app): State<App>, Path(scene): Path<String>) -> Answer<Json<SceneRecord>> {
+    Ok(Json(app.engine.scene(&scene).await?))
+}
+
+/// Query of the list.
+#[derive(Debug, Deserialize, IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+pub struct ListQuery {
+    /// `next` of the page before.
+    pub cursor: Option<Uuid>,
+    /// At most this many; 100 unless given, and never more than 1,000.
+    #[serde(default)]
+    #[param(maximum = 1000)]
+    pub limit: u32,
+}
+
+/// Uploaded scenes, youngest first.
+#[utoipa::path(get, path = "/v1/scenes", tag = "scenes", params(ListQuery),
+    responses((status = 200, description = "A page of scenes", body = ScenePage)))]
+pub async fn list(State(app): State<App>, Query(query): Query<ListQuery>) -> Answer<Json<ScenePage>> {
+    Ok(Json(app.engine.scenes(query.cursor, query.limit).await?))
+}
