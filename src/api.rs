@@ -2,14 +2,12 @@
 
 use crate::error::{CommandError, chain};
 use futures_util::StreamExt;
+use kiln_coordinator::import::bundle::{Bundle, Content};
 use kiln_coordinator::records::{JobRecord, NewJob, Problem, SceneRecord, SceneState, WorkerRecord};
 use kiln_proto::ids::JobId;
 use reqwest::{RequestBuilder, Response, multipart};
 use serde::{Deserialize, de::DeserializeOwned};
-use std::{
-    path::{Path, PathBuf},
-    time::Duration,
-};
+use std::{path::Path, time::Duration};
 use tokio::io::AsyncWriteExt;
 
 /// How long a coordinator may be away before a command gives up on it.
@@ -20,14 +18,6 @@ pub const PATIENCE: Duration = Duration::from_secs(60);
 pub struct Api {
     http: reqwest::Client,
     base: String,
-}
-
-/// A file to upload: its path in the bundle and where it lies.
-pub struct BundleFile {
-    /// Path inside the bundle, with forward slashes.
-    pub name: String,
-    /// Path on this machine.
-    pub path: PathBuf,
 }
 
 /// RFC 9457, as far as a person wants to read it.
@@ -65,12 +55,16 @@ impl Api {
     }
 
     /// Uploads a scene and waits until it is imported.
-    pub async fn upload(&self, files: &[BundleFile]) -> Result<SceneRecord, CommandError> {
+    pub async fn upload(&self, bundle: &Bundle) -> Result<SceneRecord, CommandError> {
         let mut form = multipart::Form::new();
-        for file in files {
-            let part = multipart::Part::file(&file.path).await;
-            let part = part.map_err(|e| CommandError::work(format!("{}: {e}", file.path.display())))?;
-            form = form.part("file", part.file_name(file.name.clone()));
+        for (name, content) in bundle.files() {
+            let part = match content {
+                Content::Bytes(bytes) => multipart::Part::bytes(bytes.clone()),
+                Content::File(path) => {
+                    multipart::Part::file(path).await.map_err(|e| CommandError::work(format!("{}: {e}", path.display())))?
+                }
+            };
+            form = form.part("file", part.file_name(name.as_str().to_owned()));
         }
         // No read timeout while a large scene imports: the answer comes within 30 s or is 202.
         let mut record: SceneRecord = self.json(self.http.post(self.url("/v1/scenes")).multipart(form)).await?;
@@ -79,7 +73,7 @@ impl Api {
             record = self.json(self.http.get(self.url(&format!("/v1/scenes/{}", record.id)))).await?;
         }
         if record.state == SceneState::Rejected {
-            return Err(CommandError::work(lines("the scene was rejected", &record.problems)));
+            return Err(rejected(&record.problems));
         }
         Ok(record)
     }
@@ -201,4 +195,9 @@ impl Api {
 
 fn lines(head: &str, problems: &[Problem]) -> String {
     problems.iter().fold(head.to_owned(), |text, p| format!("{text}\n  {p}"))
+}
+
+/// A scene that was not taken, with every reason.
+pub fn rejected(problems: &[Problem]) -> CommandError {
+    CommandError::work(lines("the scene was rejected", problems))
 }

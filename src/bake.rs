@@ -38,7 +38,8 @@ pub struct BakeArgs {
 pub async fn run(args: &BakeArgs, json: bool) -> Result<(), CommandError> {
     let settings = args.settings.patch()?;
     let targets = targets(&args.scenes, &args.output)?;
-    let bundles: Vec<_> = args.scenes.iter().map(|s| submit::collect(s)).collect::<Result<_, _>>()?;
+    let scratch = submit::scratch()?;
+    let bundles: Vec<_> = args.scenes.iter().map(|s| submit::collect(s, scratch.path())).collect::<Result<_, _>>()?;
     for (_, target) in &targets {
         fetch::check_target(target)?;
     }
@@ -50,8 +51,8 @@ pub async fn run(args: &BakeArgs, json: bool) -> Result<(), CommandError> {
     let host = Host::start(config(args, data.path())).await?;
     let work = async {
         let api = Api::new(&host.url())?;
-        for ((scene, target), files) in targets.iter().zip(bundles) {
-            let job = submit::create(&api, &files, settings.clone(), 0, Default::default()).await?;
+        for ((scene, target), bundle) in targets.iter().zip(bundles) {
+            let job = submit::create(&api, &bundle, settings.clone(), 0, Default::default()).await?;
             let done = finished(progress::follow(&api, job.id).await?)?;
             fetch::package(&api, done.id, target).await?;
             report(scene, target, &done, json)?;

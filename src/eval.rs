@@ -1,9 +1,9 @@
 //! `kiln eval`: the bake's own estimator at points and directions that the user names.
 
-use crate::{bake_settings::SettingsArgs, error::CommandError, output, submit, work};
+use crate::{api, bake_settings::SettingsArgs, error::CommandError, output, submit, work};
 use clap::Args;
 use glam::Vec3;
-use kiln_coordinator::import::{self, bundle::Bundle};
+use kiln_coordinator::import;
 use kiln_worker::{
     capture::Simd,
     eval::{self, Answer, Query},
@@ -47,8 +47,9 @@ struct Table {
 pub fn run(args: &EvalArgs, json: bool) -> Result<(), CommandError> {
     let settings = args.settings.patch()?.resolve().map_err(|e| CommandError::usage(format!("settings: {e}")))?;
     let table = read(&args.queries)?;
-    let bundle = Bundle::open(&args.scene).map_err(|p| submit::rejected(&args.scene, &p))?;
-    let imported = import::import_bundle(&bundle).map_err(|p| submit::rejected(&args.scene, &p))?;
+    let scratch = submit::scratch()?;
+    let bundle = submit::collect(&args.scene, scratch.path())?;
+    let imported = import::import_bundle(&bundle).map_err(|p| api::rejected(&p))?;
     for warning in &imported.warnings {
         eprintln!("warning: {warning}");
     }

@@ -1,7 +1,7 @@
 //! `kiln submit`: send scenes with all that they refer to.
 
 use crate::{
-    api::{Api, BundleFile},
+    api::Api,
     bake,
     bake_settings::SettingsArgs,
     error::CommandError,
@@ -9,7 +9,7 @@ use crate::{
 };
 use clap::Args;
 use kiln_coordinator::{
-    import::bundle,
+    import::bundle::{self, Bundle},
     records::{JobRecord, NewJob},
 };
 use kiln_proto::settings::SettingsPatch;
@@ -49,10 +49,11 @@ fn label(text: &str) -> Result<(String, String), String> {
 pub async fn run(args: &SubmitArgs, json: bool) -> Result<(), CommandError> {
     let settings = args.settings.patch()?;
     let api = Api::new(&args.server)?;
+    let scratch = scratch()?;
     let labels: BTreeMap<_, _> = args.label.iter().cloned().collect();
     for scene in &args.scenes {
-        let files = collect(scene)?;
-        let job = create(&api, &files, settings.clone(), args.priority, labels.clone()).await?;
+        let bundle = collect(scene, scratch.path())?;
+        let job = create(&api, &bundle, settings.clone(), args.priority, labels.clone()).await?;
         if json {
             output::json(&serde_json::json!({"id": job.id}))?;
         } else {
@@ -68,23 +69,29 @@ pub async fn run(args: &SubmitArgs, json: bool) -> Result<(), CommandError> {
 /// Uploads a scene and creates its job; warnings of the import go to stderr.
 pub async fn create(
     api: &Api,
-    files: &[BundleFile],
+    bundle: &Bundle,
     settings: SettingsPatch,
     priority: i32,
     labels: BTreeMap<String, String>,
 ) -> Result<JobRecord, CommandError> {
-    let record = api.upload(files).await?;
+    let record = api.upload(bundle).await?;
     for warning in &record.warnings {
         eprintln!("warning: {warning}");
     }
     api.create_job(&NewJob { scene: record.id.to_string(), settings, priority, labels }).await
 }
 
-/// The scene and every file that it refers to, with their paths relative to the scene's folder.
-pub fn collect(scene: &Path) -> Result<Vec<BundleFile>, CommandError> {
-    let found = bundle::collect(scene).map_err(|problems| {
-        let list: Vec<String> = problems.iter().map(|p| format!("\n  {p}")).collect();
-        CommandError::work(format!("{} cannot be submitted:{}", scene.display(), list.concat()))
-    })?;
-    Ok(found.into_iter().map(|(name, path)| BundleFile { name, path }).collect())
+/// A scene with every file that it refers to. Archives are unpacked into `scratch`, which must outlive the result. Files that are missing
+/// are listed on stderr; whether the scene can do without them is the importer's verdict.
+pub fn collect(scene: &Path, scratch: &Path) -> Result<Bundle, CommandError> {
+    let (bundle, missing) = bundle::collect(scene, scratch).map_err(|p| CommandError::work(p.to_string()))?;
+    for problem in missing {
+        eprintln!("warning: {problem}");
+    }
+    Ok(bundle)
+}
+
+/// A folder for unpacked archives.
+pub fn scratch() -> Result<tempfile::TempDir, CommandError> {
+    tempfile::tempdir().map_err(|e| CommandError::from_error("cannot create a temporary folder", &e))
 }

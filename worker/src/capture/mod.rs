@@ -3,7 +3,7 @@
 //! A [`Capture`] joins a traced scene with a job's plan. Texels are independent: each is a function of (scene, settings, surface, texel), so
 //! tiles run on any number of threads, and a gutter texel is computed by whoever needs it.
 
-pub mod simd;
+mod simd;
 
 pub(crate) mod footprint;
 mod gather;
@@ -17,6 +17,7 @@ use crate::{sampling::TexelKey, scene::BakeScene};
 pub(crate) use footprint::Points;
 use glam::Vec3;
 use hemisphere::{Budget, Scratch, Site, Views};
+pub use simd::{Kernel, Simd};
 use kiln_proto::{
     plan::Plan,
     settings::{BakeSettings, Footprint},

@@ -27,6 +27,18 @@ pub enum Kernel {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Detected(());
 
+impl Simd {
+    /// The names of the CPU features that this choice makes use of here.
+    #[must_use]
+    pub fn features(self) -> Vec<String> {
+        match Kernel::select(self) {
+            Kernel::Portable => vec![],
+            #[cfg(target_arch = "x86_64")]
+            Kernel::Avx2(_) => vec!["avx2".into()],
+        }
+    }
+}
+
 impl Kernel {
     /// Looks at the CPU once.
     #[must_use]

@@ -3,7 +3,6 @@
 use super::{Tally, chain};
 use crate::{capture::Capture, client::stream::Packed, config::TileOrder, encode};
 use kiln_proto::{
-    segment::Segment,
     tile::TileIndex,
     wire::message::{LeaseGrant, Phase},
 };
@@ -44,13 +43,13 @@ pub(super) fn bake(lease: &Lease, tally: &Tally, ready: &mpsc::Sender<Baked>) ->
 }
 
 fn probe(lease: &Lease, tile: TileIndex, tally: &Tally) -> Result<Vec<u8>, String> {
-    let (sums, rays) = lease.capture.probe_tile(tile);
+    let (sums, rays) = lease.capture.probe_tile(tile).map_err(|e| chain(&e))?;
     tally.rays.fetch_add(rays, Ordering::Relaxed);
-    Segment::probe(tile, sums).to_bytes().map_err(|e| format!("tile {tile} of the probe cannot be encoded: {}", chain(&e)))
+    encode::encode_probe(lease.capture.plan(), tile, sums).map_err(|e| chain(&e))
 }
 
 fn full(lease: &Lease, tile: TileIndex, tally: &Tally) -> Result<Vec<u8>, String> {
-    let lit = lease.capture.bake_tile(tile);
+    let lit = lease.capture.bake_tile(tile).map_err(|e| chain(&e))?;
     tally.rays.fetch_add(lit.rays, Ordering::Relaxed);
     let segment = encode::encode_tile(lease.capture.plan(), tile, &lit.rows, &lit.radiance).map_err(|e| chain(&e))?;
     tally.texels.fetch_add(lit.rows.len() as u64, Ordering::Relaxed);
