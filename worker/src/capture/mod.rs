@@ -3,7 +3,7 @@
 //! A [`Capture`] joins a traced scene with a job's plan. Texels are independent: each is a function of (scene, settings, surface, texel), so
 //! tiles run on any number of threads, and a gutter texel is computed by whoever needs it.
 
-mod simd;
+pub mod simd;
 
 pub(crate) mod footprint;
 mod gather;
