@@ -193,7 +193,7 @@ impl Scanner<'_> {
     fn face(&mut self, line: u32, rest: &str) {
         let corners = rest.split_whitespace().count();
         if !(3..=POLYGON_CORNERS).contains(&corners) {
-            self.error(line, format!("the face has {corners} corners; 3 to {POLYGON_CORNERS} are allowed"));
+            self.error(line, format!("a face has 3 to {POLYGON_CORNERS} corners; this one has {corners}"));
             return;
         }
         if self.out.notes.len() >= limits::TRIANGLES {
@@ -235,21 +235,20 @@ impl Scanner<'_> {
 
     /// Positive indices, from 1, of the vertex and the texture coordinate of a corner.
     fn corner(&mut self, line: u32, corner: &str) -> Option<(i64, Option<i64>)> {
-        let mut parts = corner.split('/');
-        let mut index = |kind: usize, scanner: &mut Self| match parts.next() {
-            None | Some("") => Some(None),
-            Some(word) => scanner.index(line, kind, word).map(Some),
-        };
-        let (v, t, n) = (index(0, self)?, index(1, self)?, index(2, self)?);
-        let _ = n;
-        match v {
-            Some(v) if parts.next().is_none() => Some((v, t)),
-            _ => {
-                let shown: String = corner.chars().take(40).collect();
-                self.error(line, format!("the face has the corner `{shown}`; expected vertex, vertex/texture or vertex/texture/normal"));
-                None
-            }
+        let parts: Vec<&str> = corner.split('/').take(4).collect();
+        if parts.len() > 3 || parts[0].is_empty() {
+            let shown: String = corner.chars().take(40).collect();
+            self.error(line, format!("the face has the corner `{shown}`; expected vertex, vertex/texture or vertex/texture/normal"));
+            return None;
         }
+        let vertex = self.index(line, 0, parts[0])?;
+        let mut optional = |kind: usize| match parts.get(kind) {
+            None | Some(&"") => Some(None),
+            Some(word) => self.index(line, kind, word).map(Some),
+        };
+        let texture = optional(1)?;
+        optional(2)?;
+        Some((vertex, texture))
     }
 
     fn index(&mut self, line: u32, kind: usize, word: &str) -> Option<i64> {
