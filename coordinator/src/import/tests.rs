@@ -176,6 +176,15 @@ fn equal_scenes_have_equal_bytes_however_they_are_written() {
 }
 
 #[test]
+fn faces_may_come_before_their_vertices_but_not_without_them() {
+    let forward = format!("{}{TRIANGLE}", "f 1 2 3\nf 3 2 1\n".repeat(2_000));
+    let imported = import_files(&[("a.obj", &forward)]).unwrap();
+    assert_eq!(imported.scene.triangle_count(), 2);
+    let short = format!("{}f 1 2 4\n{TRIANGLE}", "f 1 2 3\n".repeat(2_000));
+    assert_eq!(shown(&import_files(&[("a.obj", &short)]).unwrap_err()), ["a.obj:2001: the face uses vertex 4, but only 3 are defined"]);
+}
+
+#[test]
 fn other_formats_are_refused_by_name() {
     for (name, text) in [("a.obj", "{\"asset\": {}}"), ("a.obj", "#X3D V3.3 utf8")] {
         let problems = import_files(&[(name, text)]).unwrap_err();

@@ -76,6 +76,7 @@ fn litter_is_skipped_and_the_scene_must_be_one() {
     assert!(refused(parts(&[("a.mtl", b"")])).contains("no .obj"));
     assert!(refused(parts(&[])).contains("empty"));
     assert!(refused(parts(&[("a.gltf", b"{}"), ("a.bin", b"")])).contains("glTF"));
+    assert_eq!(parts(&[("", OBJ)]).unwrap().main().as_str(), "scene.obj");
     let choice = Bundle::from_parts(vec![part("a.obj", OBJ), part("b.obj", OBJ)], Some("b.obj"), &std::env::temp_dir());
     assert_eq!(choice.unwrap().main().as_str(), "b.obj");
 }
@@ -109,6 +110,8 @@ fn collecting_takes_what_the_scene_refers_to_and_nothing_outside() {
     write("scene/unrelated.png", b"");
     write("scene/my tex.png", b"");
     write("scene/lib/two words.mtl", b"newmtl m\nmap_Kd ../my tex.png\nmap_Ke ../../secret.png\nmap_Kd C:\\x\\gone.png\n");
+    #[cfg(unix)]
+    std::os::unix::fs::symlink(folder.path().join("secret.png"), folder.path().join("scene/gone.png")).unwrap();
     write("scene/a.obj", &[b"mtllib lib/two words.mtl /etc/passwd\n", OBJ].concat());
     let (bundle, missing) = collect(&folder.path().join("scene/a.obj"), folder.path()).unwrap();
     assert_eq!(bundle.files().map(|(p, _)| p.as_str()).collect::<Vec<_>>(), ["a.obj", "lib/two words.mtl", "my tex.png"]);

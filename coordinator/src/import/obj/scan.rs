@@ -13,6 +13,9 @@ use std::{collections::BTreeMap, fmt::Write as _};
 /// Corners of one polygon: ear clipping takes their square.
 const POLYGON_CORNERS: usize = 4_096;
 
+/// References to later definitions that are noted one by one.
+const AHEAD: usize = 1_000;
+
 /// Which object, group and material a face belongs to: indices into the names of the scan.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
 pub(super) struct Group {
@@ -49,7 +52,8 @@ pub(super) struct Scan {
 
 /// Scans a text. Faults go into `findings`; the outcome is whole only if there are none.
 pub(super) fn scan(file: &str, text: &str, findings: &mut Findings) -> Scan {
-    let mut scanner = Scanner { file, findings, out: Scan::default(), counts: [0; 3], ahead: vec![], state: State::default() };
+    let mut scanner =
+        Scanner { file, findings, out: Scan::default(), counts: [0; 3], ahead: vec![], highest: [0; 3], state: State::default() };
     for statement in text::statements(text) {
         scanner.statement(&statement);
         if scanner.findings.is_full() {
@@ -77,6 +81,8 @@ struct Scanner<'a> {
     counts: [i64; 3],
     /// Indices beyond what was defined where they stand: (line, kind, index). Allowed if the definition follows.
     ahead: Vec<(u32, usize, i64)>,
+    /// The highest of them by kind.
+    highest: [i64; 3],
     state: State,
 }
 
@@ -273,7 +279,9 @@ impl Scanner<'_> {
             self.error(line, format!("the face uses {what} {index}, but only {count} are defined so far"));
             return None;
         }
-        if resolved > count && self.ahead.len() < 10_000 {
+        // The highest is always noted, so nothing undefined slips through; of the others, more than can be reported.
+        if resolved > count && (self.ahead.len() < AHEAD || resolved > self.highest[kind]) {
+            self.highest[kind] = self.highest[kind].max(resolved);
             self.ahead.push((line, kind, resolved));
         }
         Some(resolved)
