@@ -19,4 +19,6 @@ pub mod sampling;
 pub mod scene;
 
 #[cfg(test)]
+mod reference_tests;
+#[cfg(test)]
 mod testing;

@@ -3,7 +3,7 @@
 //! It depends on the scene alone, not on a job's settings, so that a worker keeps it across leases and jobs.
 
 use crate::{
-    accel::{Accel, AccelError, Hit, Ray, RayCount},
+    accel::{Accel, Hit, Ray, RayCount},
     bsdf::{Bsdf, Specular, power::Exponent, texture},
     capture::simd::{Kernel, Simd},
     light::{Emitter, Lights},
@@ -51,17 +51,6 @@ pub struct Vertex {
     pub bsdf: Bsdf,
 }
 
-/// Why a scene cannot be traced.
-#[derive(Debug, thiserror::Error)]
-pub enum BakeSceneError {
-    /// It breaks a rule of the canonical form.
-    #[error("the scene is not valid")]
-    Invalid(#[from] InvalidScene),
-    /// No hierarchy can be built.
-    #[error("the scene cannot be traced")]
-    Accel(#[from] AccelError),
-}
-
 /// A scene ready for tracing.
 #[derive(Debug)]
 pub struct BakeScene {
@@ -78,8 +67,8 @@ impl BakeScene {
     /// Validates a scene and builds what tracing needs. Cost: O(n log n) in triangles; textures stay as they are.
     ///
     /// # Errors
-    /// Invalid scenes, and triangles that no hierarchy holds.
-    pub fn new(scene: Scene, simd: Simd) -> Result<Self, BakeSceneError> {
+    /// Scenes that break a rule of the canonical form.
+    pub fn new(scene: Scene, simd: Simd) -> Result<Self, InvalidScene> {
         scene.validate()?;
         let (mut prims, mut first) = (Vec::with_capacity(scene.triangle_count()), Vec::with_capacity(scene.surfaces.len()));
         for surface in &scene.surfaces {
@@ -87,7 +76,7 @@ impl BakeScene {
             prims.extend(surface.triangles.iter().map(|t| prim(scene.corners(t), t.uv.unwrap_or_default(), surface.material)));
         }
         let soup: Vec<[Vec3; 3]> = prims.iter().map(|p| p.corners).collect();
-        let accel = Accel::build(&soup)?;
+        let accel = Accel::build(&soup);
         let lights = lights(&scene, &prims);
         for (index, emitter) in lights.emitters().iter().enumerate() {
             prims[emitter.prim as usize].emitter = Some(index as u32);

@@ -51,19 +51,6 @@ pub struct Hit {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct RayCount(pub u64);
 
-/// Why no tree can be built.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-pub enum AccelError {
-    /// The traversal stack has a fixed size.
-    #[error("the bounding volume hierarchy is {depth} levels deep, at most {max} are supported; are thousands of triangles identical?")]
-    TooDeep {
-        /// Levels needed.
-        depth: usize,
-        /// Levels there are.
-        max: usize,
-    },
-}
-
 /// A hierarchy over triangles.
 #[derive(Debug)]
 pub struct Accel {
@@ -72,11 +59,9 @@ pub struct Accel {
 
 impl Accel {
     /// Builds the hierarchy. Cost: O(n log n); both sides of every triangle are hit.
-    ///
-    /// # Errors
-    /// [`AccelError::TooDeep`] for pathological input.
-    pub fn build(triangles: &[[Vec3; 3]]) -> Result<Self, AccelError> {
-        Ok(Self { tree: Tree::build(triangles)? })
+    #[must_use]
+    pub fn build(triangles: &[[Vec3; 3]]) -> Self {
+        Self { tree: Tree::build(triangles) }
     }
 
     /// The nearest triangle along a ray; of equally near ones the lowest index.

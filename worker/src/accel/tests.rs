@@ -45,14 +45,14 @@ fn cube(n: usize) -> Vec<[Vec3; 3]> {
 /// Every triangle, one after the other, with the same test.
 fn brute(triangles: &[[Vec3; 3]], ray: &Ray) -> Option<Hit> {
     let single = |prim: usize| {
-        let tree = Accel::build(&triangles[prim..=prim]).unwrap();
+        let tree = Accel::build(&triangles[prim..=prim]);
         tree.closest(ray, &mut RayCount::default()).map(|h| Hit { prim: prim as u32, ..h })
     };
     (0..triangles.len()).filter_map(single).min_by(|a, b| a.t.total_cmp(&b.t).then(a.prim.cmp(&b.prim)))
 }
 
 fn agree(triangles: &[[Vec3; 3]], rays: &[Ray]) {
-    let accel = Accel::build(triangles).unwrap();
+    let accel = Accel::build(triangles);
     let mut count = RayCount::default();
     for ray in rays {
         let (found, expected) = (accel.closest(ray, &mut count), brute(triangles, ray));
@@ -99,7 +99,7 @@ fn axis_parallel_and_grazing_rays_agree_with_brute_force() {
 #[test]
 fn no_ray_escapes_a_closed_box_through_its_edges() {
     let triangles = cube(8);
-    let accel = Accel::build(&triangles).unwrap();
+    let accel = Accel::build(&triangles);
     let mut random = Random(3);
     let centre = Vec3::new(0.5, 0.43, 0.57);
     for triangle in &triangles {
@@ -120,7 +120,7 @@ fn no_ray_escapes_a_closed_box_through_its_edges() {
 #[test]
 fn barycentric_weights_name_the_point_that_was_hit() {
     let triangle = [Vec3::new(0.0, 0.0, 1.0), Vec3::new(2.0, 0.0, 1.5), Vec3::new(0.0, 3.0, 0.5)];
-    let accel = Accel::build(&[triangle]).unwrap();
+    let accel = Accel::build(&[triangle]);
     let target = triangle[0] * 0.5 + triangle[1] * 0.2 + triangle[2] * 0.3;
     let origin = Vec3::new(0.3, 0.2, -4.0);
     let hit = accel.closest(&Ray::unbounded(origin, target - origin), &mut RayCount::default()).unwrap();
@@ -129,10 +129,10 @@ fn barycentric_weights_name_the_point_that_was_hit() {
 
 #[test]
 fn an_empty_tree_and_a_thousand_identical_triangles_are_fine() {
-    let nothing = Accel::build(&[]).unwrap();
+    let nothing = Accel::build(&[]);
     let ray = Ray::unbounded(Vec3::new(0.2, 0.2, -1.0), Vec3::Z);
     assert_eq!(nothing.closest(&ray, &mut RayCount::default()), None);
     assert!(!nothing.occluded(&ray, &mut RayCount::default()));
-    let many = Accel::build(&vec![[Vec3::ZERO, Vec3::X, Vec3::Y]; 1_000]).unwrap();
+    let many = Accel::build(&vec![[Vec3::ZERO, Vec3::X, Vec3::Y]; 1_000]);
     assert_eq!(many.closest(&ray, &mut RayCount::default()).map(|h| h.prim), Some(0));
 }

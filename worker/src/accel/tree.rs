@@ -4,7 +4,6 @@
 //! test would hit, also for rays that run along a face of a box. Growing costs a few needless tests; a conservative test per box (Ize 2013)
 //! costs a multiplication in every one.
 
-use super::AccelError;
 use glam::Vec3;
 use obvhs::{
     BvhBuildParams,
@@ -15,8 +14,9 @@ use std::time::Duration;
 
 /// Boxes of one node: four fill one SSE register, which every x86-64 has.
 pub(super) const WIDTH: usize = 4;
-/// Levels of wide nodes that the traversal's stack has room for.
-pub(super) const MAX_DEPTH: usize = 64;
+/// Levels of wide nodes that the traversal's stack has room for. Thousands of identical triangles make obvhs chain them; what lies below
+/// this level becomes one long leaf, which is slow and right.
+pub(super) const MAX_DEPTH: usize = 32;
 /// How far boxes grow, relative to the largest coordinate: 16 units in the last place.
 const GROW: f32 = 16.0 * f32::EPSILON;
 
@@ -53,30 +53,27 @@ pub(super) struct Tree {
 }
 
 impl Tree {
-    pub(super) fn build(triangles: &[[Vec3; 3]]) -> Result<Self, AccelError> {
+    pub(super) fn build(triangles: &[[Vec3; 3]]) -> Self {
         let soup: Vec<Triangle> = triangles.iter().map(|t| Triangle { v0: t[0].into(), v1: t[1].into(), v2: t[2].into() }).collect();
         let mut tree = Self { nodes: Vec::new(), leaves: Vec::with_capacity(soup.len()) };
         if soup.is_empty() {
-            return Ok(tree);
+            return tree;
         }
         let binary = build_bvh2_from_tris(&soup, BvhBuildParams::medium_build(), &mut Duration::default());
         let largest = triangles.iter().flatten().map(|c| c.abs().max_element()).fold(0.0, f32::max);
-        tree.collapse(&binary, triangles, GROW * largest)?;
-        Ok(tree)
+        tree.collapse(&binary, triangles, GROW * largest);
+        tree
     }
 
     /// Emits wide nodes breadth first without recursion: the depth of the input is not ours to trust.
-    fn collapse(&mut self, binary: &Bvh2, triangles: &[[Vec3; 3]], grow: f32) -> Result<(), AccelError> {
+    fn collapse(&mut self, binary: &Bvh2, triangles: &[[Vec3; 3]], grow: f32) {
         self.nodes.push(Node::unused());
         let mut open = vec![(0usize, 0usize, 1usize)]; // (wide node to fill, binary node it stands for, its level)
         while let Some((at, root, level)) = open.pop() {
-            if level > MAX_DEPTH {
-                return Err(AccelError::TooDeep { depth: level, max: MAX_DEPTH });
-            }
             for (slot, index) in gather_children(binary, root).into_iter().enumerate() {
                 let node = &binary.nodes[index];
-                let child = if node.is_leaf() {
-                    self.leaf(binary, node, triangles)
+                let child = if node.is_leaf() || level == MAX_DEPTH {
+                    self.leaf(binary, index, triangles)
                 } else {
                     let next = self.nodes.len();
                     self.nodes.push(Node::unused());
@@ -86,16 +83,23 @@ impl Tree {
                 self.nodes[at].set(slot, node, grow, child);
             }
         }
-        Ok(())
     }
 
-    fn leaf(&mut self, binary: &Bvh2, node: &Bvh2Node, triangles: &[[Vec3; 3]]) -> Child {
+    /// All triangles at or below a binary node as one leaf.
+    fn leaf(&mut self, binary: &Bvh2, root: usize, triangles: &[[Vec3; 3]]) -> Child {
         let first = self.leaves.len() as u32;
-        let range = node.first_index as usize..(node.first_index + node.prim_count) as usize;
-        for prim in &binary.primitive_indices[range] {
-            self.leaves.push(Leaf { corners: triangles[*prim as usize], prim: *prim });
+        let mut open = vec![root];
+        while let Some(index) = open.pop() {
+            let node = &binary.nodes[index];
+            let at = node.first_index as usize;
+            if node.is_leaf() {
+                let prims = &binary.primitive_indices[at..at + node.prim_count as usize];
+                self.leaves.extend(prims.iter().map(|prim| Leaf { corners: triangles[*prim as usize], prim: *prim }));
+            } else {
+                open.extend([at, at + 1]);
+            }
         }
-        Child { first, count: node.prim_count }
+        Child { first, count: self.leaves.len() as u32 - first }
     }
 }
 

@@ -1,38 +1,33 @@
-//! The gather's inner loops: many samples of incident light against many directions, eight lanes at a time.
+//! The gather's inner loops: many samples of incident light against many directions.
 //!
 //! For every sample the lobe is raised for all directions of the grid: the sum is the mixture density of the sample, the values weight its
-//! light toward each direction. Samples go in blocks, so that sums over samples stay in registers while a block's lobe values, 12 KiB for
-//! 400 directions, stay in the first-level cache. All sums run in a fixed order of samples and lanes.
+//! light toward each direction. Every step is one pass over arrays of directions that stay in the first-level cache (1.6 KiB each for 400),
+//! which the compiler turns into vector code of whatever width the function is compiled for. Lanes held in small fixed arrays lost: the
+//! compiler takes them apart into scalars. All sums run in a fixed order, whatever the width.
 
 use super::simd::Kernel;
 use crate::{bsdf::power::Exponent, sampling::warp::INV_PI};
 use glam::Vec3;
 use kiln_proto::units::Rgb;
 
-/// Directions in one vector.
-pub(super) const LANES: usize = 8;
-/// Samples in one block.
-const BLOCK: usize = 8;
-
-/// Eight directions' worth of one number.
-pub(super) type Lanes = [f32; LANES];
+/// Directions are padded to a multiple of this: the widest vector in use.
+const LANES: usize = 8;
 
 /// Directions as the lobes see them: mirrored about the normal, axis by axis, padded with ones that no light above the horizon can reach.
 #[derive(Debug, Clone)]
 pub(super) struct Mirrored {
-    axes: Vec<[Lanes; 3]>,
+    axes: [Vec<f32>; 3],
     len: usize,
 }
 
 impl Mirrored {
     /// From local directions.
     pub(super) fn new(directions: &[Vec3]) -> Self {
-        let mut axes = vec![[[0.0; LANES], [0.0; LANES], [-1.0; LANES]]; directions.len().div_ceil(LANES)];
-        for (k, d) in directions.iter().enumerate() {
-            let m = crate::bsdf::mirror(*d).to_array();
-            for axis in 0..3 {
-                axes[k / LANES][axis][k % LANES] = m[axis];
-            }
+        let padding = directions.len().next_multiple_of(LANES) - directions.len();
+        let mirrored = directions.iter().map(|d| crate::bsdf::mirror(*d)).chain(std::iter::repeat_n(-Vec3::Z, padding));
+        let mut axes: [Vec<f32>; 3] = Default::default();
+        for m in mirrored {
+            (0..3).for_each(|axis| axes[axis].push(m[axis]));
         }
         Self { axes, len: directions.len() }
     }
@@ -44,7 +39,12 @@ impl Mirrored {
 
     /// The mirror image of the `k`-th direction.
     pub(super) fn get(&self, k: usize) -> Vec3 {
-        Vec3::from_array(std::array::from_fn(|axis| self.axes[k / LANES][axis][k % LANES]))
+        Vec3::from_array(std::array::from_fn(|axis| self.axes[axis][k]))
+    }
+
+    /// How many there are with padding.
+    fn padded(&self) -> usize {
+        self.axes[0].len()
     }
 }
 
@@ -98,15 +98,27 @@ pub(super) struct Sums {
     /// The diffuse part: Kd/pi times irradiance, W/(sr m²).
     pub(super) diffuse: Rgb,
     /// Per channel and direction, the sum of lobe value times weighted light.
-    pub(super) lobes: [Vec<Lanes>; 3],
-    /// Lobe values of a block of samples.
-    block: Vec<Lanes>,
+    lobes: [Vec<f32>; 3],
+    cosines: Vec<f32>,
+    values: Vec<f32>,
+    folded: Vec<f32>,
 }
 
 impl Sums {
     /// The sum for direction `k`.
     pub(super) fn lobe(&self, k: usize) -> Rgb {
-        Rgb::from(std::array::from_fn(|c| self.lobes[c][k / LANES][k % LANES]))
+        Rgb::from(std::array::from_fn(|c| self.lobes[c][k]))
+    }
+
+    fn clear(&mut self, mixed: usize, targets: usize) {
+        self.diffuse = Rgb::BLACK;
+        for sums in &mut self.lobes {
+            sums.clear();
+            sums.resize(targets, 0.0);
+        }
+        for scratch in [&mut self.cosines, &mut self.values, &mut self.folded] {
+            scratch.resize(mixed.max(targets), 0.0);
+        }
     }
 }
 
@@ -128,64 +140,54 @@ fn body_avx2(samples: &[Sample], mixture: &Mixture, mixed: &Mirrored, toward: Op
 
 #[inline(always)]
 fn body(samples: &[Sample], mixture: &Mixture, mixed: &Mirrored, toward: Option<&Mirrored>, sums: &mut Sums) {
-    let targets = toward.unwrap_or(mixed).axes.len();
-    sums.diffuse = Rgb::BLACK;
-    for channel in &mut sums.lobes {
-        channel.clear();
-        channel.resize(if mixture.lobe.is_some() { targets } else { 0 }, [0.0; LANES]);
-    }
-    let scale = mixture.lobe_scale(mixed.len);
     let Some(exponent) = mixture.lobe else {
+        sums.clear(0, 0);
         for sample in samples {
             sums.diffuse += sample.diffuse * mixture.weigh(sample, 0.0, 0.0) * INV_PI;
         }
         return;
     };
-    let width = mixed.axes.len().max(targets);
-    sums.block.clear();
-    sums.block.resize(BLOCK * width, [0.0; LANES]);
-    for block in samples.chunks(BLOCK) {
-        let mut light = [Rgb::BLACK; BLOCK];
-        for (b, sample) in block.iter().enumerate() {
-            let values = &mut sums.block[b * width..(b + 1) * width];
-            let total = raise_all(mixed, sample.wi, exponent, values);
-            light[b] = mixture.weigh(sample, total, scale);
-            if let Some(toward) = toward {
-                raise_all(toward, sample.wi, exponent, values);
-            }
-            sums.diffuse += sample.diffuse * light[b] * INV_PI;
+    sums.clear(mixed.padded(), toward.unwrap_or(mixed).padded());
+    let scale = mixture.lobe_scale(mixed.len);
+    let [red, green, blue] = &mut sums.lobes;
+    for sample in samples {
+        raise(mixed, sample.wi, exponent, &mut sums.cosines, &mut sums.values);
+        let light = mixture.weigh(sample, total(&sums.values[..mixed.padded()], &mut sums.folded), scale);
+        if let Some(toward) = toward {
+            raise(toward, sample.wi, exponent, &mut sums.cosines, &mut sums.values);
         }
-        accumulate(&sums.block, width, &light, block.len(), &mut sums.lobes);
+        sums.diffuse += sample.diffuse * light * INV_PI;
+        for (((v, r), g), b) in sums.values.iter().zip(&mut *red).zip(&mut *green).zip(&mut *blue) {
+            *r += v * light.r;
+            *g += v * light.g;
+            *b += v * light.b;
+        }
     }
 }
 
-/// Writes the lobe value of every direction and returns their sum.
+/// Writes the lobe value of every direction.
 #[inline(always)]
-fn raise_all(directions: &Mirrored, wi: Vec3, exponent: Exponent, values: &mut [Lanes]) -> f32 {
-    let mut total = [0.0f32; LANES];
-    for (axes, out) in directions.axes.iter().zip(values) {
-        let cos: Lanes = std::array::from_fn(|k| axes[0][k] * wi.x + axes[1][k] * wi.y + axes[2][k] * wi.z);
-        let value = exponent.raise_lanes(cos);
-        for k in 0..LANES {
-            total[k] += value[k];
-        }
-        *out = value;
+fn raise(directions: &Mirrored, wi: Vec3, exponent: Exponent, cosines: &mut [f32], values: &mut [f32]) {
+    let [x, y, z] = &directions.axes;
+    for (((c, x), y), z) in cosines.iter_mut().zip(x).zip(y).zip(z) {
+        *c = x * wi.x + y * wi.y + z * wi.z;
     }
-    ((total[0] + total[4]) + (total[2] + total[6])) + ((total[1] + total[5]) + (total[3] + total[7]))
+    let count = directions.padded();
+    exponent.raise_all(&mut cosines[..count], &mut values[..count]);
 }
 
-/// Adds a block of samples to every direction's sum.
+/// The sum of the values: the upper half is folded onto the lower one until one vector is left, then lane by lane.
 #[inline(always)]
-fn accumulate(block: &[Lanes], width: usize, light: &[Rgb; BLOCK], count: usize, lobes: &mut [Vec<Lanes>; 3]) {
-    let [red, green, blue] = lobes;
-    for (at, ((r, g), b)) in red.iter_mut().zip(green).zip(blue).enumerate() {
-        for (s, l) in light.iter().enumerate().take(count) {
-            let value = &block[s * width + at];
-            for k in 0..LANES {
-                r[k] += value[k] * l.r;
-                g[k] += value[k] * l.g;
-                b[k] += value[k] * l.b;
-            }
-        }
+fn total(values: &[f32], folded: &mut [f32]) -> f32 {
+    let mut half = (values.len() / 2).next_multiple_of(LANES);
+    let (low, high) = values.split_at(half);
+    folded[..half].copy_from_slice(low);
+    folded.iter_mut().zip(high).for_each(|(f, v)| *f += v);
+    while half > LANES {
+        let count = half;
+        half = (count / 2).next_multiple_of(LANES);
+        let (low, high) = folded[..count].split_at_mut(half);
+        low.iter_mut().zip(high).for_each(|(l, h)| *l += *h);
     }
+    folded[..half].iter().sum()
 }

@@ -68,10 +68,6 @@ impl Views {
         self.toward.as_ref().unwrap_or(&self.mixed)
     }
 
-    /// Directions that are evaluated.
-    pub(crate) fn len(&self) -> usize {
-        self.targets().len()
-    }
 }
 
 /// Memory that is used again from site to site.
