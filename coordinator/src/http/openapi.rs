@@ -49,7 +49,7 @@ pub fn openapi() -> &'static Value {
 
 /// This document.
 #[utoipa::path(get, path = "/openapi.json", tag = "pages", responses((status = 200, description = "OpenAPI 3.1", body = Object)))]
-pub async fn document() -> Json<&'static Value> {
+pub(super) async fn document() -> Json<&'static Value> {
     Json(openapi())
 }
 
@@ -94,8 +94,7 @@ fn describe_uploads(document: &mut Value) {
 
 /// OpenAPI 3.1 describes plain bytes by a media type without a schema.
 fn describe_bytes(value: &mut Value) {
-    const BYTES: &[&str] =
-        &["application/octet-stream", "application/zip", "application/zstd", "model/obj", worker_protocol::FRAME];
+    const BYTES: &[&str] = &["application/octet-stream", "application/zip", "application/zstd", "model/obj", worker_protocol::FRAME];
     match value {
         Value::Object(fields) => {
             for (name, field) in fields.iter_mut() {
@@ -124,7 +123,8 @@ fn add_problems(responses: &mut Value, route: &Route) {
             continue; // The worker protocol answers with a frame here.
         }
         let titles: Vec<String> = kinds.iter().map(|kind| format!("{} (`{}`)", kind.entry().title, kind.uri())).collect();
-        let examples: Value = kinds.iter().map(|kind| (kind.entry().slug.to_owned(), example(*kind))).collect::<serde_json::Map<_, _>>().into();
+        let examples: Value =
+            kinds.iter().map(|kind| (kind.entry().slug.to_owned(), example(*kind))).collect::<serde_json::Map<_, _>>().into();
         let content = json!({"application/problem+json": {"schema": reference("ProblemDetails"), "examples": examples}});
         responses[&status] = json!({"description": titles.join("; "), "content": content});
     }
@@ -155,7 +155,13 @@ mod tests {
     fn every_parameter_of_a_path_is_documented() {
         for route in Routes::all().list {
             let operation = &openapi()["paths"][route.documented_path()][route.verb.name()];
-            let named: BTreeSet<&str> = operation["parameters"].as_array().into_iter().flatten().filter(|p| p["in"] == "path").map(|p| p["name"].as_str().unwrap()).collect();
+            let named: BTreeSet<&str> = operation["parameters"]
+                .as_array()
+                .into_iter()
+                .flatten()
+                .filter(|p| p["in"] == "path")
+                .map(|p| p["name"].as_str().unwrap())
+                .collect();
             let path = route.documented_path();
             let needed: BTreeSet<&str> = path.split('/').filter_map(|part| part.strip_prefix('{')?.strip_suffix('}')).collect();
             assert_eq!(named, needed, "{path}");
