@@ -268,3 +268,16 @@ pub struct WorkerRecord {
     /// Largest resident memory it reported, bytes.
     pub peak_rss_bytes: u64,
 }
+
+/// One file of a published package.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+pub struct PackageFile {
+    /// Path within the package, `/` between parts.
+    pub path: String,
+    /// Its media type.
+    pub media_type: String,
+    /// Its length.
+    pub bytes: u64,
+    /// SHA-256, 64 hexadecimal digits: the strong ETag.
+    pub sha256: String,
+}

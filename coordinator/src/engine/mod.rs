@@ -6,8 +6,12 @@
 mod error;
 mod types;
 
+pub use crate::{
+    records::PackageFile,
+    store::{EventPage, JobFilter},
+};
 pub use error::EngineError;
-pub use types::{Download, Estimate, EventPage, JobFilter, JobPage, PackageFile, Statistics, UploadedFile};
+pub use types::{Download, Estimate, JobPage, Statistics, UploadedFile};
 
 use crate::{
     config::Config,

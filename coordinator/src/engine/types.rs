@@ -1,9 +1,6 @@
 //! What callers of the engine hand in and get back, beside the API's own [records](crate::records).
 
-use crate::{
-    blob::ByteStream,
-    records::{JobEvent, JobRecord, JobState},
-};
+use crate::{blob::ByteStream, records::JobRecord};
 use kiln_proto::ids::JobId;
 use serde::{Deserialize, Serialize};
 use std::{collections::BTreeMap, path::PathBuf};
@@ -16,19 +13,6 @@ pub struct UploadedFile {
     pub name: String,
     /// Where its bytes are now. The engine moves or removes it.
     pub path: PathBuf,
-}
-
-/// Which jobs to list.
-#[derive(Debug, Clone, Default)]
-pub struct JobFilter {
-    /// Only jobs in this state.
-    pub state: Option<JobState>,
-    /// Only jobs with this label (name, value).
-    pub label: Option<(String, String)>,
-    /// Only jobs older than this one: [`JobPage::next`] of the page before.
-    pub cursor: Option<JobId>,
-    /// At most this many; 0 means 100, and never more than 1,000.
-    pub limit: u32,
 }
 
 /// Some jobs, youngest first.
@@ -58,28 +42,6 @@ pub struct Estimate {
     pub seconds: Option<f64>,
     /// What was repaired or bounded on the way.
     pub warnings: Vec<crate::records::Problem>,
-}
-
-/// Events of a job behind a sequence number.
-#[derive(Debug, Clone, PartialEq)]
-pub struct EventPage {
-    /// In order, without gaps.
-    pub events: Vec<JobEvent>,
-    /// Events between the one asked for and the first of these have been dropped: send a snapshot first.
-    pub dropped: bool,
-}
-
-/// One file of a published package.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
-pub struct PackageFile {
-    /// Path within the package, `/` between parts.
-    pub path: String,
-    /// Its media type.
-    pub media_type: String,
-    /// Its length.
-    pub bytes: u64,
-    /// SHA-256, 64 hexadecimal digits: the strong ETag.
-    pub sha256: String,
 }
 
 /// Bytes on their way to a client.

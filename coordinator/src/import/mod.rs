@@ -1,1 +1,94 @@
-//! To be written.
+//! Import: an uploaded bundle becomes a canonical [`Scene`] or a list of located problems.
+//!
+//! `bundle` gathers files without trusting a path or a size in them, `format` decides by content and name what they are, and one module
+//! per format makes the scene. An error costs its author a walk back to the modelling program, so an import does not stop at the first:
+//! it reports as many as it can tell apart, each with file and line. What is merely unusual is repaired, and said as a warning.
+//! The alternative, passing parser errors through, is a page shorter and leaves "face parse error" as the whole answer.
+
+pub mod bundle;
+mod findings;
+pub mod format;
+mod name;
+pub mod obj;
+mod texture;
+
+pub use bundle::{Bundle, BundlePath, Content, Part};
+
+use crate::records::{Problem, SceneStatistics};
+use findings::{At, Findings};
+use format::Format;
+use kiln_proto::{limits, scene::Scene};
+
+/// What an import yields.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Imported {
+    /// The validated scene.
+    pub scene: Scene,
+    /// What was repaired, ignored or approximated.
+    pub warnings: Vec<Problem>,
+    /// Its counts.
+    pub statistics: SceneStatistics,
+}
+
+/// Imports the main file of a bundle with everything it refers to. Cost: linear in the bytes of the bundle, but for concave polygons,
+/// which take the square of their corners.
+///
+/// # Errors
+/// Every fault found, located, in the order found; at least one.
+pub fn import_bundle(bundle: &Bundle) -> Result<Imported, Vec<Problem>> {
+    let mut findings = Findings::default();
+    let scene = import(bundle, &mut findings);
+    match scene {
+        Some(scene) if !findings.has_errors() => {
+            let statistics = statistics(&scene);
+            Ok(Imported { scene, warnings: findings.into_warnings(), statistics })
+        }
+        _ => Err(findings.into_errors(bundle.main().as_str())),
+    }
+}
+
+fn import(bundle: &Bundle, findings: &mut Findings) -> Option<Scene> {
+    let main = bundle.main();
+    let bytes = match bundle.read(main, limits::TEXT_BYTES) {
+        Ok(bytes) => bytes,
+        Err(problem) => {
+            findings.push_error(problem);
+            return None;
+        }
+    };
+    if let Format::Unsupported(what) = format::detect(main.as_str(), &bytes) {
+        findings.push_error(format::refusal(main.as_str(), what));
+        return None;
+    }
+    let scene = obj::import(bundle, &bytes, findings)?;
+    if findings.has_errors() {
+        return None;
+    }
+    if !scene.surfaces.iter().any(|s| scene.material(s).is_emissive()) {
+        findings.warn(At::file(main.as_str()), "nothing in the scene emits light (no material in use has a Ke above 0): it will be black");
+    }
+    if let Err(invalid) = scene.validate() {
+        findings.error(At::file(main.as_str()), format!("the scene is not valid: {invalid}"));
+        return None;
+    }
+    Some(scene)
+}
+
+/// Counts of a scene.
+#[must_use]
+pub fn statistics(scene: &Scene) -> SceneStatistics {
+    let emissive = scene.surfaces.iter().filter(|s| scene.material(s).is_emissive()).map(|s| s.triangles.len() as u64).sum();
+    let (low, high) = scene.bounds();
+    SceneStatistics {
+        triangles: scene.triangle_count() as u64,
+        surfaces: scene.surfaces.iter().map(|s| s.name.clone()).collect(),
+        materials: scene.materials.len() as u64,
+        textures: scene.textures.len() as u64,
+        emissive_triangles: emissive,
+        low,
+        high,
+    }
+}
+
+#[cfg(test)]
+mod tests;

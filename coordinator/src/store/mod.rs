@@ -1,9 +1,150 @@
-//! The durable state of the farm.
+//! The durable state of the farm behind one trait.
+//!
+//! Every method is one transaction: it happens whole or not at all, and is durable when it returns. Decisions are those of the pure machines
+//! ([`job`](crate::job), [`lease`](crate::lease)); a store loads, lets them decide, saves and performs their actions. Time comes in as a
+//! value, so that tests own the clock. One hand-written implementation per SQL dialect was chosen over a generic one: locking is where they
+//! differ, and locking is the point. [`conformance`] holds what every implementation must do.
 
-/// Why the store could not do what it was asked.
-#[derive(Debug, thiserror::Error)]
-pub enum StoreError {
-    /// The database cannot be opened.
-    #[error("the database cannot be used: {0}")]
-    Unusable(String),
+#[cfg(test)]
+pub mod conformance;
+mod error;
+mod model;
+mod sqlite;
+
+pub use error::StoreError;
+pub use model::{
+    AttemptRow, Candidate, ChunkOutcome, ChunkRow, ChunkTile, Contribution, EventPage, Expiry, Figures, FinishOutcome, Grant, JobFilter,
+    JobRow, JobSpec, NewChunk, PlanRef, SceneRow, StoredFile, StoredPackageFile, Task, TaskLease, TaskResult,
+};
+pub use sqlite::SqliteStore;
+
+use crate::{
+    blob::BlobName,
+    job, lease,
+    records::{UnixMillis, WorkerRecord},
+};
+use kiln_proto::{
+    ids::{Digest, JobId, SceneHash, Token, WorkerId},
+    tile::{TileIndex, TileRun},
+    wire::message::{Finish, Heartbeat, Phase},
+};
+use std::collections::BTreeMap;
+use uuid::Uuid;
+
+/// How often a task may be taken and not finished before its job fails: a task that kills its coordinator must not do so for ever.
+pub const TASK_TRIES: u32 = 20;
+
+/// The state of the farm. All errors are failures of the store itself; what does not exist or does not fit is part of the answers.
+#[async_trait::async_trait]
+pub trait Store: Send + Sync + 'static {
+    /// Records an upload and queues its import.
+    async fn add_scene(&self, id: Uuid, files: &[StoredFile], now: UnixMillis) -> Result<SceneRow, StoreError>;
+
+    /// An upload.
+    async fn scene(&self, id: Uuid) -> Result<Option<SceneRow>, StoreError>;
+
+    /// The oldest upload that came to this canonical scene.
+    async fn scene_by_hash(&self, scene: SceneHash) -> Result<Option<SceneRow>, StoreError>;
+
+    /// Creates a job. It goes on at once where its scene is ready, and fails at once where that was rejected. Its scene must exist.
+    async fn add_job(&self, spec: &JobSpec, now: UnixMillis) -> Result<JobRow, StoreError>;
+
+    /// A job.
+    async fn job(&self, id: JobId) -> Result<Option<JobRow>, StoreError>;
+
+    /// Jobs, youngest first.
+    async fn jobs(&self, filter: &JobFilter) -> Result<Vec<JobRow>, StoreError>;
+
+    /// Something happens to a job; the inner error says that it does not fit. `None` where there is no such job.
+    async fn job_event(&self, id: JobId, event: &job::Event, now: UnixMillis) -> Result<Option<Result<(), job::Illegal>>, StoreError>;
+
+    /// Removes every row of a job. Its blobs are no longer named then, unless others name them. Whether it existed.
+    async fn delete_job(&self, id: JobId) -> Result<bool, StoreError>;
+
+    /// Adds an event for people to a job's stream; nothing where the job is gone.
+    async fn add_problem(&self, id: JobId, problem: &crate::records::Problem, now: UnixMillis) -> Result<(), StoreError>;
+
+    /// At most `limit` events with a sequence number above `after`. `None` where there is no such job.
+    async fn events(&self, id: JobId, after: i64, limit: u32) -> Result<Option<EventPage>, StoreError>;
+
+    /// The compressed bytes of a plan that a job has or had.
+    async fn plan(&self, digest: Digest) -> Result<Option<BlobName>, StoreError>;
+
+    /// Takes the oldest waiting task until `deadline`.
+    async fn take_task(&self, token: Token, deadline: UnixMillis) -> Result<Option<TaskLease>, StoreError>;
+
+    /// Extends a task. Whether the token still holds it.
+    async fn renew_task(&self, token: Token, deadline: UnixMillis) -> Result<bool, StoreError>;
+
+    /// Ends a task with its result, all effects included, if the token still holds it: publishing is this compare-and-set.
+    async fn finish_task(&self, token: Token, result: &TaskResult, now: UnixMillis) -> Result<bool, StoreError>;
+
+    /// Puts every held task back. Only for a coordinator that knows itself to be alone.
+    async fn take_over_tasks(&self, now: UnixMillis) -> Result<u64, StoreError>;
+
+    /// Records a worker, or replaces what was known of it.
+    async fn put_worker(&self, worker: &WorkerRecord) -> Result<(), StoreError>;
+
+    /// Notes that a worker was heard. `None` where it is unknown.
+    async fn hear_worker(&self, id: WorkerId, now: UnixMillis) -> Result<Option<WorkerRecord>, StoreError>;
+
+    /// Workers heard since a moment, youngest first, with the job that each bakes.
+    async fn workers(&self, since: UnixMillis) -> Result<Vec<WorkerRecord>, StoreError>;
+
+    /// The tiles that should be leased next: highest priority, then oldest job, then lowest tile. `None` means that nothing waits.
+    async fn next_work(&self, bake_version: u32) -> Result<Option<Candidate>, StoreError>;
+
+    /// Records a lease, if its tiles are still pending. Whether they were.
+    async fn grant(&self, grant: &Grant, now: UnixMillis) -> Result<bool, StoreError>;
+
+    /// An attempt.
+    async fn attempt(&self, token: Token) -> Result<Option<AttemptRow>, StoreError>;
+
+    /// A heartbeat: moves the deadline `ttl` milliseconds ahead of now. The attempt where it goes on, `None` where it must stop.
+    async fn heartbeat(&self, token: Token, beat: &Heartbeat, ttl: i64, now: UnixMillis) -> Result<Option<AttemptRow>, StoreError>;
+
+    /// A chunk that was recorded under (token, n).
+    async fn chunk(&self, token: Token, n: u64) -> Result<Option<ChunkRow>, StoreError>;
+
+    /// Records a chunk, claims its tiles that nobody has delivered, shortens the attempt, moves the job and appends the event. `known` holds
+    /// digests of accepted segments, from the chunks of an earlier [`ChunkOutcome::NeedDigests`].
+    async fn record_chunk(
+        &self,
+        chunk: &NewChunk,
+        known: &BTreeMap<TileIndex, Digest>,
+        now: UnixMillis,
+    ) -> Result<ChunkOutcome, StoreError>;
+
+    /// Ends an attempt by [`lease::Event::Complete`], `Release` or `Fence`. What it owes and nobody delivered goes back to work.
+    async fn finish_attempt(
+        &self,
+        token: Token,
+        event: lease::Event,
+        finish: Option<&Finish>,
+        now: UnixMillis,
+    ) -> Result<FinishOutcome, StoreError>;
+
+    /// Chunks with accepted tiles of a run.
+    async fn chunks(&self, job: JobId, phase: Phase, run: TileRun) -> Result<Vec<ChunkRow>, StoreError>;
+
+    /// What each worker did for a job.
+    async fn contributions(&self, job: JobId) -> Result<Vec<Contribution>, StoreError>;
+
+    /// The reports of a job's assembled surfaces, in order of surface.
+    async fn surface_reports(&self, job: JobId) -> Result<Vec<serde_json::Value>, StoreError>;
+
+    /// Files of a job's package so far, by path.
+    async fn package(&self, job: JobId) -> Result<Vec<StoredPackageFile>, StoreError>;
+
+    /// Lets attempts and tasks expire whose time has come.
+    async fn expire(&self, now: UnixMillis) -> Result<Expiry, StoreError>;
+
+    /// Forgets attempts that ended, and workers that were last heard, before these moments.
+    async fn forget(&self, attempts_before: UnixMillis, workers_before: UnixMillis) -> Result<(), StoreError>;
+
+    /// Whether any row names a blob.
+    async fn names(&self, blob: BlobName) -> Result<bool, StoreError>;
+
+    /// Counts for metrics.
+    async fn figures(&self) -> Result<Figures, StoreError>;
 }

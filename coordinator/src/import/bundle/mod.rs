@@ -1,0 +1,213 @@
+//! A bundle: the files of one upload under safe relative paths.
+//!
+//! Whatever comes in (one body, several files, a folder, a ZIP) becomes the same thing: paths that cannot leave the bundle, and contents
+//! in memory or in a scratch file whose name has nothing to do with the path. References between files are resolved inside the bundle
+//! and nowhere else: no path of a scene ever reaches the file system.
+
+mod archive;
+mod collect;
+mod path;
+
+pub use collect::collect;
+pub use path::BundlePath;
+
+use super::format::{self, Format};
+use crate::records::Problem;
+use kiln_proto::limits;
+use std::{
+    borrow::Cow,
+    collections::BTreeMap,
+    fs::File,
+    io::{Cursor, Read},
+    path::{Path, PathBuf},
+};
+use tempfile::TempDir;
+
+/// The bytes of one file.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Content {
+    /// In memory.
+    Bytes(Vec<u8>),
+    /// In a local file.
+    File(PathBuf),
+}
+
+/// One file of an upload: the name that the client gave, and its content.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Part {
+    /// As the client wrote it: not to be believed.
+    pub name: String,
+    /// Its bytes.
+    pub content: Content,
+}
+
+/// The files of one upload and which of them is the scene.
+#[derive(Debug)]
+pub struct Bundle {
+    main: BundlePath,
+    files: BTreeMap<BundlePath, Content>,
+    /// Paths in lower case, for references written on systems that ignore case.
+    folded: BTreeMap<String, Vec<BundlePath>>,
+    /// File names in lower case, for absolute references of another machine.
+    names: BTreeMap<String, Vec<BundlePath>>,
+    /// Holds the files of an unpacked archive until the bundle is dropped.
+    _scratch: Option<TempDir>,
+}
+
+/// What a reference inside the bundle leads to.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Found<'a> {
+    /// The very path.
+    Exact(&'a BundlePath),
+    /// Another path that is meant beyond doubt: it differs in case, or only the file name fits and no other file has it.
+    Near(&'a BundlePath),
+}
+
+impl Bundle {
+    /// A bundle from the parts of an upload: one scene file, several files, or one ZIP, which is unpacked into a folder inside `scratch`.
+    /// `choice` names the main file where there are several scenes.
+    ///
+    /// # Errors
+    /// Unsafe or duplicate paths, too many files or bytes, a broken archive, no scene or more than one, a format that is not read.
+    pub fn from_parts(parts: Vec<Part>, choice: Option<&str>, scratch: &Path) -> Result<Self, Problem> {
+        if let [part] = parts.as_slice()
+            && format::detect(&part.name, &head(part)?) == Format::Zip
+        {
+            return match &part.content {
+                Content::Bytes(bytes) => Self::from_zip(Cursor::new(bytes), choice, scratch),
+                Content::File(path) => Self::from_zip(File::open(path).map_err(|e| unreadable(&part.name, &e))?, choice, scratch),
+            };
+        }
+        let mut files = BTreeMap::new();
+        for part in parts {
+            let path = BundlePath::parse(&part.name).map_err(|e| problem(&part.name, e.to_string()))?;
+            if files.contains_key(&path) {
+                return Err(problem(path.as_str(), "the upload has two files of this name"));
+            }
+            files.insert(path, part.content);
+        }
+        Self::new(files, choice, None)
+    }
+
+    fn new(files: BTreeMap<BundlePath, Content>, choice: Option<&str>, scratch: Option<TempDir>) -> Result<Self, Problem> {
+        if files.len() > limits::BUNDLE_FILES {
+            return Err(plain(format!("the bundle has {} files; at most {} are allowed", files.len(), limits::BUNDLE_FILES)));
+        }
+        let main = choose_main(&files, choice)?;
+        let mut bundle = Self { main, files, folded: BTreeMap::new(), names: BTreeMap::new(), _scratch: scratch };
+        let total = bundle.files.iter().try_fold(0u64, |sum, (path, content)| Ok::<u64, Problem>(sum + length(path, content)?))?;
+        if total > limits::BUNDLE_BYTES {
+            return Err(plain(format!("the bundle has {total} bytes; at most {} are allowed", limits::BUNDLE_BYTES)));
+        }
+        for path in bundle.files.keys() {
+            bundle.folded.entry(path.as_str().to_lowercase()).or_default().push(path.clone());
+            bundle.names.entry(path.file_name().to_lowercase()).or_default().push(path.clone());
+        }
+        Ok(bundle)
+    }
+
+    /// The scene file.
+    #[must_use]
+    pub fn main(&self) -> &BundlePath {
+        &self.main
+    }
+
+    /// All paths with their contents, in order of path.
+    pub fn files(&self) -> impl Iterator<Item = (&BundlePath, &Content)> {
+        self.files.iter()
+    }
+
+    /// The bytes of a file of at most `max` bytes.
+    ///
+    /// # Errors
+    /// A file that is not there, is longer than `max`, or cannot be read.
+    pub fn read(&self, path: &BundlePath, max: u64) -> Result<Cow<'_, [u8]>, Problem> {
+        let content = self.files.get(path).ok_or_else(|| problem(path.as_str(), "the bundle has no such file"))?;
+        let found = length(path, content)?;
+        if found > max {
+            return Err(problem(path.as_str(), format!("the file has {found} bytes; at most {max} are allowed")));
+        }
+        match content {
+            Content::Bytes(bytes) => Ok(Cow::Borrowed(bytes)),
+            Content::File(local) => std::fs::read(local).map(Cow::Owned).map_err(|e| unreadable(path.as_str(), &e)),
+        }
+    }
+
+    /// Where `reference`, written in the file `from`, leads to inside the bundle.
+    #[must_use]
+    pub fn find(&self, from: &BundlePath, reference: &str) -> Option<Found<'_>> {
+        if let Some(path) = from.join(reference) {
+            if let Some((path, _)) = self.files.get_key_value(&path) {
+                return Some(Found::Exact(path));
+            }
+            if let Some([path]) = self.folded.get(&path.as_str().to_lowercase()).map(Vec::as_slice) {
+                return Some(Found::Near(path));
+            }
+        }
+        let name = reference.rsplit(['/', '\\']).next()?.trim().to_lowercase();
+        match self.names.get(&name).map(Vec::as_slice) {
+            Some([path]) => Some(Found::Near(path)),
+            _ => None,
+        }
+    }
+}
+
+fn choose_main(files: &BTreeMap<BundlePath, Content>, choice: Option<&str>) -> Result<BundlePath, Problem> {
+    if let Some(choice) = choice {
+        let path = BundlePath::parse(choice).map_err(|e| problem(choice, e.to_string()))?;
+        return if files.contains_key(&path) { Ok(path) } else { Err(problem(choice, "the bundle has no such file")) };
+    }
+    let scenes: Vec<&BundlePath> = files.keys().filter(|p| format::extension(p.as_str()) == "obj").collect();
+    match scenes.as_slice() {
+        [one] => Ok((*one).clone()),
+        [] => Err(no_scene(files)),
+        [first, second, ..] => Err(plain(format!(
+            "the bundle has {} .obj files ({first}, {second}{}); send one, or say which is the scene",
+            scenes.len(),
+            if scenes.len() > 2 { ", …" } else { "" }
+        ))),
+    }
+}
+
+fn no_scene(files: &BTreeMap<BundlePath, Content>) -> Problem {
+    let other = files.keys().find_map(|p| format::unsupported_by_name(p.as_str()).map(|what| (p, what)));
+    match other {
+        Some((path, what)) => format::refusal(path.as_str(), what),
+        None if files.is_empty() => plain("the bundle is empty".to_owned()),
+        None => plain("the bundle has no .obj file".to_owned()),
+    }
+}
+
+fn head(part: &Part) -> Result<Vec<u8>, Problem> {
+    let mut head = vec![];
+    match &part.content {
+        Content::Bytes(bytes) => head.extend(bytes.iter().take(64)),
+        Content::File(path) => {
+            let file = File::open(path).map_err(|e| unreadable(&part.name, &e))?;
+            file.take(64).read_to_end(&mut head).map_err(|e| unreadable(&part.name, &e))?;
+        }
+    }
+    Ok(head)
+}
+
+fn length(path: &BundlePath, content: &Content) -> Result<u64, Problem> {
+    match content {
+        Content::Bytes(bytes) => Ok(bytes.len() as u64),
+        Content::File(local) => local.metadata().map(|m| m.len()).map_err(|e| unreadable(path.as_str(), &e)),
+    }
+}
+
+fn problem(file: &str, message: impl Into<String>) -> Problem {
+    Problem { message: message.into(), file: Some(file.chars().take(200).collect()), line: None }
+}
+
+fn plain(message: String) -> Problem {
+    Problem { message, file: None, line: None }
+}
+
+fn unreadable(file: &str, error: &std::io::Error) -> Problem {
+    problem(file, format!("the file cannot be read: {error}"))
+}
+
+#[cfg(test)]
+mod tests;

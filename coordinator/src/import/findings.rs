@@ -1,0 +1,110 @@
+//! What an import has to say: errors and warnings with their places, bounded so that a hostile file cannot make a gigabyte of complaints.
+
+use crate::records::Problem;
+use std::collections::{BTreeMap, BTreeSet};
+
+/// Errors kept; the import stops reading soon after the last.
+const MAX_ERRORS: usize = 20;
+/// Warnings kept.
+const MAX_WARNINGS: usize = 100;
+
+/// A place in the bundle.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct At<'a> {
+    file: &'a str,
+    line: Option<u32>,
+}
+
+impl<'a> At<'a> {
+    /// A line, from 1, of a file.
+    pub(super) fn line(file: &'a str, line: u32) -> Self {
+        Self { file, line: Some(line) }
+    }
+
+    /// A file as a whole.
+    pub(super) fn file(file: &'a str) -> Self {
+        Self { file, line: None }
+    }
+
+    fn problem(self, message: impl Into<String>) -> Problem {
+        Problem { message: message.into(), file: Some(self.file.to_owned()), line: self.line }
+    }
+}
+
+/// Errors and warnings of one import.
+#[derive(Debug, Default)]
+pub(super) struct Findings {
+    errors: Vec<Problem>,
+    warnings: Vec<Problem>,
+    /// Warnings cut off at [`MAX_WARNINGS`].
+    unsaid: usize,
+    /// Warnings that are said once with a count, by their words: the first place and how many.
+    counted: BTreeMap<&'static str, (Problem, u64)>,
+    /// What was already said once.
+    said: BTreeSet<String>,
+}
+
+impl Findings {
+    pub(super) fn error(&mut self, at: At<'_>, message: impl Into<String>) {
+        self.push_error(at.problem(message));
+    }
+
+    pub(super) fn push_error(&mut self, problem: Problem) {
+        if self.errors.len() < MAX_ERRORS {
+            self.errors.push(problem);
+        }
+    }
+
+    pub(super) fn warn(&mut self, at: At<'_>, message: impl Into<String>) {
+        if self.warnings.len() < MAX_WARNINGS {
+            self.warnings.push(at.problem(message));
+        } else {
+            self.unsaid += 1;
+        }
+    }
+
+    /// Warns at the first place where `key` happens in this file, and is silent afterwards.
+    pub(super) fn warn_once(&mut self, at: At<'_>, key: &str, message: impl Into<String>) {
+        if self.said.len() < MAX_WARNINGS && self.said.insert(format!("{}\n{key}", at.file)) {
+            self.warn(at, message);
+        }
+    }
+
+    /// Counts something that may happen a million times; reported as `what: N, the first here`.
+    pub(super) fn count(&mut self, at: At<'_>, what: &'static str) {
+        self.counted.entry(what).or_insert_with(|| (at.problem(""), 0)).1 += 1;
+    }
+
+    pub(super) fn has_errors(&self) -> bool {
+        !self.errors.is_empty()
+    }
+
+    /// Whether further reading would only find errors that nobody is told.
+    pub(super) fn is_full(&self) -> bool {
+        self.errors.len() >= MAX_ERRORS
+    }
+
+    /// The warnings in the order found, then the counted ones.
+    pub(super) fn into_warnings(self) -> Vec<Problem> {
+        let mut warnings = self.warnings;
+        for (what, (first, count)) in self.counted {
+            let message = if count == 1 { format!("{what}: 1, here") } else { format!("{what}: {count}, the first here") };
+            warnings.push(Problem { message, ..first });
+        }
+        if self.unsaid > 0 {
+            warnings.push(Problem { message: format!("{} further warnings are not listed", self.unsaid), file: None, line: None });
+        }
+        warnings
+    }
+
+    /// The errors; at least one, about `file`, so that a refusal is never silent.
+    pub(super) fn into_errors(self, file: &str) -> Vec<Problem> {
+        let mut errors = self.errors;
+        if errors.is_empty() {
+            errors.push(At::file(file).problem("the scene could not be imported"));
+        } else if errors.len() == MAX_ERRORS {
+            errors.push(At::file(file).problem(format!("reading stopped after {MAX_ERRORS} errors; there may be more")));
+        }
+        errors
+    }
+}

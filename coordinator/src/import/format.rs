@@ -1,0 +1,96 @@
+//! Which format a file is: by its content where that is unmistakable, else by its name.
+
+use crate::records::Problem;
+
+/// What a file turned out to be.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Format {
+    /// Wavefront OBJ, or a text that may be one.
+    Obj,
+    /// A ZIP archive.
+    Zip,
+    /// A scene in a format that this version does not read.
+    Unsupported(&'static str),
+}
+
+const LATER: [(&str, &str); 16] = [
+    ("gltf", "glTF"),
+    ("glb", "binary glTF"),
+    ("x3d", "X3D"),
+    ("x3dv", "X3D"),
+    ("x3dz", "X3D"),
+    ("wrl", "VRML/X3D"),
+    ("fbx", "FBX"),
+    ("dae", "COLLADA"),
+    ("blend", "Blender"),
+    ("usd", "USD"),
+    ("usda", "USD"),
+    ("usdz", "USD"),
+    ("ply", "PLY"),
+    ("stl", "STL"),
+    ("3ds", "3DS"),
+    ("abc", "Alembic"),
+];
+
+/// The part of a name behind its last dot, in lower case; empty where there is none.
+#[must_use]
+pub fn extension(name: &str) -> String {
+    let file = name.rsplit('/').next().unwrap_or(name);
+    file.rsplit_once('.').map(|(_, e)| e.to_lowercase()).unwrap_or_default()
+}
+
+/// The scene format that a file's name promises, if it is one that this version does not read.
+#[must_use]
+pub fn unsupported_by_name(name: &str) -> Option<&'static str> {
+    let ext = extension(name);
+    LATER.iter().find(|(e, _)| *e == ext).map(|(_, what)| *what)
+}
+
+/// Decides what `bytes` (the beginning is enough) under `name` are.
+#[must_use]
+pub fn detect(name: &str, bytes: &[u8]) -> Format {
+    let text = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes).trim_ascii_start();
+    let starts = |magic: &[u8]| text.get(..magic.len()).is_some_and(|head| head.eq_ignore_ascii_case(magic));
+    if bytes.starts_with(b"PK\x03\x04") || bytes.starts_with(b"PK\x05\x06") {
+        return Format::Zip;
+    }
+    let by_content = [
+        (b"glTF".as_slice(), "binary glTF"),
+        (b"{", "glTF"),
+        (b"#X3D", "X3D"),
+        (b"#VRML", "VRML/X3D"),
+        (b"<?xml", "XML (X3D or COLLADA)"),
+        (b"<X3D", "X3D"),
+        (b"Kaydara FBX", "FBX"),
+        (b"BLENDER", "Blender"),
+        (b"ply\n", "PLY"),
+        (b"ply\r", "PLY"),
+        (b"\x1f\x8b", "a gzip stream"),
+    ];
+    let found = by_content.iter().find(|(magic, _)| starts(magic)).map(|(_, what)| *what);
+    found.or_else(|| unsupported_by_name(name)).map_or(Format::Obj, Format::Unsupported)
+}
+
+/// Why a scene of an unread format is refused.
+#[must_use]
+pub fn refusal(file: &str, what: &str) -> Problem {
+    let message =
+        format!("this is {what}, which this version does not import; it imports Wavefront OBJ with MTL, as a file, several files or a ZIP");
+    Problem { message, file: Some(file.to_owned()), line: None }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn content_decides_before_the_name() {
+        assert_eq!(detect("a.obj", b"v 0 0 0\n"), Format::Obj);
+        assert_eq!(detect("a.obj", b"PK\x03\x04rest"), Format::Zip);
+        assert_eq!(detect("a.obj", b"glTF\x02\0\0\0"), Format::Unsupported("binary glTF"));
+        assert_eq!(detect("a.obj", b"\xef\xbb\xbf  {\"asset\": {}}"), Format::Unsupported("glTF"));
+        assert_eq!(detect("a.wrl", b"#VRML V2.0 utf8\n"), Format::Unsupported("VRML/X3D"));
+        assert_eq!(detect("dir.x/scene.STL", b"solid"), Format::Unsupported("STL"));
+        assert_eq!(detect("dir.stl/scene", b""), Format::Obj);
+    }
+}

@@ -1,0 +1,194 @@
+//! From `tobj`'s models to surfaces: polygons cut, positions shared, triangles without area and duplicates dropped, names given.
+//!
+//! A surface is an (object, material) pair: one light field has one material. It is called like its object where the object has one
+//! material, and `OBJECT.MATERIAL` where it has several. Objects are `o` names where the file has any, else `g` names, else the file's.
+
+use super::{
+    material::Materials,
+    polygon,
+    scan::{FaceNote, Group, Scan},
+};
+use crate::import::{
+    findings::{At, Findings},
+    name::{Stems, unique},
+};
+use glam::{DVec3, Vec3};
+use kiln_proto::{
+    limits,
+    scene::{Surface, Triangle},
+};
+use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
+
+/// A triangle whose doubled area is below this share of its longest side squared has no direction to speak of.
+const NO_AREA: f64 = 1e-10;
+
+/// What becomes of one (object, material) pair.
+struct Part {
+    object: Option<usize>,
+    material_name: Option<usize>,
+    material: u32,
+    line: u32,
+    polygons: u32,
+    triangles: Vec<Triangle>,
+}
+
+/// Builds surfaces from models.
+pub(super) struct Builder<'a> {
+    file: &'a str,
+    scan: &'a Scan,
+    by_object: bool,
+    /// Positions by their bits: looked up, never iterated.
+    places: HashMap<[u32; 3], u32>,
+    /// Positions in order of first use.
+    pub(super) positions: Vec<[f32; 3]>,
+    seen: HashSet<[u32; 3]>,
+    parts: Vec<Part>,
+    part_ids: BTreeMap<(Option<usize>, Option<usize>), usize>,
+    count: usize,
+}
+
+impl<'a> Builder<'a> {
+    pub(super) fn new(file: &'a str, scan: &'a Scan) -> Self {
+        Self {
+            file,
+            scan,
+            by_object: scan.groups.iter().any(|g| g.object.is_some()),
+            places: HashMap::new(),
+            positions: vec![],
+            seen: HashSet::new(),
+            parts: vec![],
+            part_ids: BTreeMap::new(),
+            count: 0,
+        }
+    }
+
+    /// Adds the faces of all models; their order is that of the scan's notes.
+    pub(super) fn add(&mut self, models: &[tobj::Model], materials: &mut Materials<'_>, findings: &mut Findings) {
+        let mut notes = self.scan.notes.iter();
+        for model in models {
+            let group = model.name.parse::<usize>().ok().and_then(|i| self.scan.groups.get(i)).copied().unwrap_or_default();
+            let mut corner = 0;
+            let arities = face_sizes(&model.mesh);
+            for (arity, note) in arities.zip(&mut notes) {
+                self.face(&model.mesh, corner, arity, group, *note, materials, findings);
+                corner += arity;
+                if self.count > limits::TRIANGLES {
+                    let message = format!("the scene has more than {} triangles", limits::TRIANGLES);
+                    findings.error(At::line(self.file, note.line), message);
+                    return;
+                }
+            }
+        }
+    }
+
+    #[allow(clippy::too_many_arguments)] // One call, and the mesh cannot be sliced: its indices are relative.
+    fn face(
+        &mut self,
+        mesh: &tobj::Mesh,
+        first: usize,
+        arity: usize,
+        group: Group,
+        note: FaceNote,
+        materials: &mut Materials<'_>,
+        findings: &mut Findings,
+    ) {
+        let at = At::line(self.file, note.line);
+        let corners: Vec<u32> = mesh.indices[first..first + arity].iter().map(|i| self.place(mesh, *i)).collect();
+        let uv: Option<Vec<[f32; 2]>> = note.has_uv.then(|| {
+            let uv = |i: &u32| [mesh.texcoords[2 * *i as usize] + 0.0, mesh.texcoords[2 * *i as usize + 1] + 0.0];
+            mesh.texcoord_indices[first..first + arity].iter().map(uv).collect()
+        });
+        let world: Vec<DVec3> = corners.iter().map(|c| Vec3::from_array(self.positions[*c as usize]).as_dvec3()).collect();
+        let part = self.part(group, note.line, materials, findings);
+        let polygon = self.parts[part].polygons;
+        self.parts[part].polygons += 1;
+        for t in polygon::triangulate(&world) {
+            if has_no_area(t.map(|i| world[i])) {
+                findings.count(at, "triangles without area were dropped");
+                continue;
+            }
+            let corners = t.map(|i| corners[i]);
+            if !self.seen.insert(least_first(corners)) {
+                findings.count(at, "triangles that repeat another one exactly were dropped");
+                continue;
+            }
+            self.parts[part].triangles.push(Triangle { corners, uv: uv.as_ref().map(|uv| t.map(|i| uv[i])), polygon });
+            self.count += 1;
+        }
+    }
+
+    fn place(&mut self, mesh: &tobj::Mesh, index: u32) -> u32 {
+        // Adding zero turns -0.0 into 0.0: the same place has one name.
+        let position: [f32; 3] = std::array::from_fn(|k| mesh.positions[3 * index as usize + k] + 0.0);
+        let next = self.positions.len() as u32;
+        let id = *self.places.entry(position.map(f32::to_bits)).or_insert(next);
+        if id == next {
+            self.positions.push(position);
+        }
+        id
+    }
+
+    fn part(&mut self, group: Group, line: u32, materials: &mut Materials<'_>, findings: &mut Findings) -> usize {
+        let key = (if self.by_object { group.object } else { group.group }, group.material);
+        if let Some(id) = self.part_ids.get(&key) {
+            return *id;
+        }
+        let name = key.1.map(|i| &self.scan.names[i]);
+        let at = At::line(self.file, name.map_or(line, |(_, first)| *first));
+        if name.is_none() {
+            findings.warn_once(at, "no material", "faces before any `usemtl` have no material; a grey one is used");
+        }
+        let material = materials.id(name.map(|(n, _)| n.as_str()), at, findings);
+        let id = self.parts.len();
+        self.parts.push(Part { object: key.0, material_name: key.1, material, line, polygons: 0, triangles: vec![] });
+        self.part_ids.insert(key, id);
+        id
+    }
+
+    /// The surfaces, named, in the order of their first faces.
+    pub(super) fn into_surfaces(self, stem: &str, findings: &mut Findings) -> (Vec<[f32; 3]>, Vec<Surface>) {
+        let mut pieces: BTreeMap<Option<usize>, usize> = BTreeMap::new();
+        self.parts.iter().for_each(|p| *pieces.entry(p.object).or_default() += 1);
+        let (mut names, mut stems) = (BTreeSet::new(), Stems::default());
+        let mut surfaces = vec![];
+        for part in self.parts {
+            let object = part.object.map_or(stem, |i| self.scan.names[i].0.as_str());
+            let material = part.material_name.map_or("default", |i| self.scan.names[i].0.as_str());
+            let wanted = if pieces[&part.object] > 1 { format!("{object}.{material}") } else { object.to_owned() };
+            if part.triangles.is_empty() {
+                findings.warn(At::line(self.file, part.line), format!("the surface `{wanted}` has no triangles left and was dropped"));
+                continue;
+            }
+            let name = unique(&wanted, |candidate| names.insert(candidate.to_owned()));
+            let file_stem = stems.take(&name);
+            surfaces.push(Surface { name, file_stem, material: part.material, triangles: part.triangles });
+        }
+        (self.positions, surfaces)
+    }
+}
+
+/// Corners of each face: `tobj` leaves the list out where all are triangles.
+fn face_sizes(mesh: &tobj::Mesh) -> Box<dyn Iterator<Item = usize> + '_> {
+    if mesh.face_arities.is_empty() {
+        Box::new(std::iter::repeat_n(3, mesh.indices.len() / 3))
+    } else {
+        Box::new(mesh.face_arities.iter().map(|a| *a as usize))
+    }
+}
+
+fn has_no_area([a, b, c]: [DVec3; 3]) -> bool {
+    let longest = (b - a).length_squared().max((c - b).length_squared()).max((a - c).length_squared());
+    (b - a).cross(c - a).length() <= NO_AREA * longest
+}
+
+/// The same triangle begun at its lowest corner: rotations are equal, mirror images are not.
+fn least_first(corners: [u32; 3]) -> [u32; 3] {
+    let [a, b, c] = corners;
+    if a <= b && a <= c {
+        [a, b, c]
+    } else if b <= c {
+        [b, c, a]
+    } else {
+        [c, a, b]
+    }
+}

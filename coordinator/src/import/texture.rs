@@ -1,0 +1,108 @@
+//! Images of materials: decoded within the limits to 8-bit sRGB, row 0 at the bottom.
+//!
+//! The size is read and checked before a pixel is decoded, so a file of a kilobyte that promises a terabyte costs a kilobyte.
+
+use super::format::extension;
+use image::{DynamicImage, ImageFormat, ImageReader, Limits};
+use kiln_proto::{limits, scene::Texture};
+use std::io::Cursor;
+
+/// Bytes that decoding one image may take beside its pixels in the scene.
+const DECODE_BYTES: u64 = 2 << 30;
+
+/// Why an image was refused.
+#[derive(Debug, thiserror::Error)]
+pub(super) enum TextureError {
+    /// More pixels than one texture may have.
+    #[error("is {width}x{height} pixels; at most {max} pixels are allowed", max = limits::TEXTURE_PIXELS)]
+    TooLarge {
+        /// Pixels along u.
+        width: u32,
+        /// Pixels along v.
+        height: u32,
+    },
+    /// Neither content nor name is of a format that this program reads.
+    #[error("is not an image that this program reads (PNG, JPEG, BMP, TGA)")]
+    Unknown,
+    /// The decoder's own words.
+    #[error("cannot be decoded: {0}")]
+    Decode(#[from] image::ImageError),
+}
+
+/// An image and whether it has transparent pixels, which a scene does not keep.
+pub(super) struct Decoded {
+    /// The opaque image.
+    pub(super) texture: Texture,
+    /// Whether some pixel was not opaque.
+    pub(super) transparent: bool,
+}
+
+/// Decodes an image file called `name`.
+pub(super) fn decode(name: &str, bytes: &[u8]) -> Result<Decoded, TextureError> {
+    // TGA has no magic number: only its name tells it.
+    let format = image::guess_format(bytes).ok().or_else(|| ImageFormat::from_extension(extension(name))).ok_or(TextureError::Unknown)?;
+    if !matches!(format, ImageFormat::Png | ImageFormat::Jpeg | ImageFormat::Bmp | ImageFormat::Tga) {
+        return Err(TextureError::Unknown);
+    }
+    let (width, height) = ImageReader::with_format(Cursor::new(bytes), format).into_dimensions()?;
+    let pixels = u64::from(width) * u64::from(height);
+    if pixels == 0 || pixels > limits::TEXTURE_PIXELS {
+        return Err(TextureError::TooLarge { width, height });
+    }
+    let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
+    let mut bounds = Limits::default();
+    bounds.max_alloc = Some(DECODE_BYTES);
+    reader.limits(bounds);
+    let image = reader.decode()?;
+    let transparent = is_transparent(&image);
+    // The scene's row 0 is v = 0, the bottom; an image's first row is its top.
+    let texture = Texture { name: name.to_owned(), width, height, rgb: image.flipv().into_rgb8().into_raw() };
+    Ok(Decoded { texture, transparent })
+}
+
+fn is_transparent(image: &DynamicImage) -> bool {
+    image.color().has_alpha() && image.to_rgba8().pixels().any(|p| p.0[3] < 255)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use image::{Rgba, RgbaImage};
+
+    fn png(image: RgbaImage) -> Vec<u8> {
+        let mut out = Cursor::new(vec![]);
+        DynamicImage::from(image).write_to(&mut out, ImageFormat::Png).unwrap();
+        out.into_inner()
+    }
+
+    #[test]
+    fn row_zero_is_the_bottom_and_alpha_is_noticed() {
+        let mut image = RgbaImage::from_pixel(1, 2, Rgba([1, 2, 3, 255]));
+        image.put_pixel(0, 1, Rgba([9, 8, 7, 255]));
+        let opaque = decode("t.png", &png(image.clone())).unwrap();
+        assert_eq!((opaque.texture.rgb, opaque.transparent), (vec![9, 8, 7, 1, 2, 3], false));
+        image.put_pixel(0, 0, Rgba([1, 2, 3, 254]));
+        assert!(decode("t.png", &png(image)).unwrap().transparent);
+    }
+
+    #[test]
+    fn content_decides_the_format_and_nonsense_is_refused() {
+        let bytes = png(RgbaImage::new(3, 2));
+        assert_eq!(decode("wrong.jpg", &bytes).unwrap().texture.width, 3);
+        assert!(matches!(decode("t.png", &bytes[..bytes.len() / 2]), Err(TextureError::Decode(_))));
+        assert!(matches!(decode("t.txt", b"hello"), Err(TextureError::Unknown)));
+        assert!(decode("t.tga", b"hello").is_err());
+    }
+
+    #[test]
+    fn a_small_file_that_promises_a_huge_image_is_refused_before_decoding() {
+        let mut bytes = png(RgbaImage::new(1, 1));
+        // IHDR: width at 16..20, height at 20..24, its CRC over "IHDR" and 13 bytes at 29..33.
+        bytes[16..24].copy_from_slice(&[0, 1, 0, 0, 0, 1, 0, 0]);
+        let crc = !bytes[12..29]
+            .iter()
+            .fold(u32::MAX, |crc, b| (0..8).fold(crc ^ u32::from(*b), |c, _| if c & 1 == 1 { (c >> 1) ^ 0xedb8_8320 } else { c >> 1 }));
+        bytes[29..33].copy_from_slice(&crc.to_be_bytes());
+        assert!(matches!(decode("t.png", &bytes), Err(TextureError::TooLarge { width: 65_536, .. })));
+    }
+}

@@ -1,0 +1,83 @@
+use super::*;
+use crate::import::{Content, Part, import_bundle};
+use kiln_proto::{scene::Scene, settings::SettingsPatch};
+use std::{collections::BTreeMap, path::PathBuf};
+
+fn folder(name: &str) -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../tests/scenes").join(name)
+}
+
+fn scene(name: &str, files: &[&str]) -> Scene {
+    let parts = files.iter().map(|f| Part { name: (*f).into(), content: Content::File(folder(name).join(f)) }).collect();
+    let bundle = crate::import::Bundle::from_parts(parts, None, &std::env::temp_dir()).unwrap();
+    let imported = import_bundle(&bundle).unwrap();
+    assert_eq!(imported.warnings, []);
+    imported.scene
+}
+
+fn nominal(name: &str) -> BakeSettings {
+    let text = std::fs::read_to_string(folder(name).join("nominal.json")).unwrap();
+    serde_json::from_str::<SettingsPatch>(&text).unwrap().resolve().unwrap()
+}
+
+fn covered(scene: &Scene, plan: &Plan) -> BTreeMap<String, u64> {
+    scene.surfaces.iter().zip(&plan.surfaces).map(|(s, p)| (s.name.clone(), p.covered)).collect()
+}
+
+/// The counts are those of an independent rasteriser (numpy, first triangle with tolerance 1e-9) of the same file.
+#[test]
+fn the_thesis_room_covers_what_it_should() {
+    let scene = scene("thesis-room", &["thesis.obj", "thesis.mtl"]);
+    let (plan, warnings) = make_plan(&scene, SceneHash::of(b""), &nominal("thesis-room")).unwrap();
+    assert_eq!(warnings, []);
+    let expected = [
+        ("wall_side", 20_000),
+        ("wall_front", 20_000),
+        ("floor", 40_000),
+        ("box_front", 84_096),
+        ("box_back", 84_096),
+        ("prism", 201_396),
+        ("light", 64),
+    ];
+    assert_eq!(covered(&scene, &plan), expected.map(|(n, c)| (n.to_owned(), c)).into());
+    let sum = estimate(&plan);
+    assert_eq!((sum.texels, sum.surfaces, sum.directions), (522_208, 7, 400));
+    assert_eq!(sum.raw_bytes, 522_208 * 1_200);
+}
+
+#[test]
+fn the_cornell_room_covers_what_it_should() {
+    let scene = scene("cornell-room", &["cornell.obj", "cornell.mtl"]);
+    let (plan, _) = make_plan(&scene, SceneHash::of(b""), &nominal("cornell-room")).unwrap();
+    let counts: Vec<u64> = plan.surfaces.iter().map(|s| s.covered).collect();
+    assert_eq!(counts, [40_000, 65_536, 65_536, 65_536, 65_536, 58_072, 58_072, 64]);
+}
+
+/// Tiles are in Morton order, hold every covered texel once, and agree with the raster texel by texel.
+#[test]
+fn tiles_hold_every_covered_texel_once() {
+    let scene = scene("thesis-room", &["thesis.obj", "thesis.mtl"]);
+    let mut settings = nominal("thesis-room");
+    settings.texel_scale = 0.2;
+    let (plan, _) = make_plan(&scene, SceneHash::of(b""), &settings).unwrap();
+    for (surface, layout) in scene.surfaces.iter().zip(&plan.surfaces) {
+        assert!(layout.tiles.windows(2).all(|w| w[0].cell.morton() < w[1].cell.morton()));
+        let raster = SurfaceRaster::new(&scene, surface, layout, settings.frame);
+        let texels = (0..layout.size.height).flat_map(|y| (0..layout.size.width).map(move |x| (x, y)));
+        assert_eq!(texels.filter(|(x, y)| raster.texel(*x, *y).is_some()).count() as u64, layout.covered, "{}", surface.name);
+    }
+}
+
+#[test]
+fn a_plan_without_a_texel_is_refused_and_a_surface_without_one_is_named() {
+    let mut scene = scene("thesis-room", &["thesis.obj", "thesis.mtl"]);
+    let mut settings = nominal("thesis-room");
+    settings.texture_sizes.clear();
+    // The light's chart shrinks into a corner of the only texel, beside its centre.
+    scene.surfaces.retain(|s| s.name == "light");
+    for uv in scene.surfaces[0].triangles.iter_mut().flat_map(|t| &mut t.uv) {
+        *uv = uv.map(|c| c.map(|v| v * 0.25));
+    }
+    settings.texture_sizes.insert("light".into(), "1x1".parse().unwrap());
+    assert!(make_plan(&scene, SceneHash::of(b""), &settings).unwrap_err().message.contains("texel_scale"));
+}

@@ -1,0 +1,360 @@
+//! What goes into a store and what comes out of it.
+
+use crate::{
+    blob::BlobName,
+    job::{Job, JobTask},
+    lease::Attempt,
+    records::{JobEvent, JobState, PackageFile, Problem, SceneRecord, SceneStatistics, UnixMillis},
+};
+use kiln_proto::{
+    ids::{Digest, JobId, SceneHash, Token, WorkerId},
+    settings::BakeSettings,
+    tile::{TileIndex, TileRun, TileRuns},
+    wire::message::Phase,
+};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use uuid::Uuid;
+
+/// A file of an upload.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct StoredFile {
+    /// Its name within the upload.
+    pub name: String,
+    /// Its bytes.
+    pub blob: BlobName,
+}
+
+/// An uploaded scene as stored.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SceneRow {
+    /// What clients see.
+    pub record: SceneRecord,
+    /// What was uploaded.
+    pub files: Vec<StoredFile>,
+    /// The canonical bytes, compressed, once it is ready.
+    pub canonical: Option<BlobName>,
+}
+
+/// A plan: its name and where its compressed bytes are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct PlanRef {
+    /// Hash of the bytes before compression.
+    pub digest: Digest,
+    /// The compressed bytes.
+    pub blob: BlobName,
+}
+
+/// A job to create.
+#[derive(Debug, Clone, PartialEq)]
+pub struct JobSpec {
+    /// Its id.
+    pub id: JobId,
+    /// The upload that holds its scene.
+    pub scene: Uuid,
+    /// Settings with every value decided.
+    pub settings: BakeSettings,
+    /// Higher goes first.
+    pub priority: i32,
+    /// The client's own.
+    pub labels: BTreeMap<String, String>,
+    /// Only workers of this bake version get its tiles.
+    pub bake_version: u32,
+}
+
+/// A job as stored.
+#[derive(Debug, Clone, PartialEq)]
+pub struct JobRow {
+    /// What it was created with.
+    pub spec: JobSpec,
+    /// The hash of its scene, once known.
+    pub scene_hash: Option<SceneHash>,
+    /// Where it is.
+    pub state: Job,
+    /// Its present plan.
+    pub plan: Option<PlanRef>,
+    /// Tiles of the current phase, and how many are done.
+    pub tiles: (u64, u64),
+    /// Cost of the current phase in texels, and how much is done.
+    pub cost: (u64, u64),
+    /// Covered texels.
+    pub texels: u64,
+    /// Rays by the workers' word: attempts that ended, and those that are held.
+    pub rays: u64,
+    /// Workers that hold an attempt of it.
+    pub workers: u32,
+    /// When it was created.
+    pub created_ms: UnixMillis,
+    /// Every state it entered, in order: the state, the phase while baking, when.
+    pub marks: Vec<(JobState, Option<Phase>, UnixMillis)>,
+    /// The sequence number of its latest event.
+    pub seq: i64,
+}
+
+/// Which jobs to list.
+#[derive(Debug, Clone, Default)]
+pub struct JobFilter {
+    /// Only jobs in this state.
+    pub state: Option<JobState>,
+    /// Only jobs with this label (name, value).
+    pub label: Option<(String, String)>,
+    /// Only jobs older than this one: the last of the page before.
+    pub cursor: Option<JobId>,
+    /// At most this many; 0 means 100, and never more than 1,000.
+    pub limit: u32,
+}
+
+/// Events of a job behind a sequence number.
+#[derive(Debug, Clone, PartialEq)]
+pub struct EventPage {
+    /// In order, without gaps.
+    pub events: Vec<JobEvent>,
+    /// Events between the one asked for and the first of these have been dropped: send a snapshot first.
+    pub dropped: bool,
+}
+
+/// Coordinator work, leased with tokens like tiles.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Task {
+    /// Import an upload.
+    Import(Uuid),
+    /// Something for a job.
+    Job(JobId, JobTask),
+}
+
+/// A task that its holder may work on until the deadline.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct TaskLease {
+    /// The fence.
+    pub token: Token,
+    /// What to do.
+    pub task: Task,
+}
+
+/// A file of a package as stored.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct StoredPackageFile {
+    /// What clients see.
+    pub file: PackageFile,
+    /// Its bytes.
+    pub blob: BlobName,
+}
+
+/// What came of a task.
+#[derive(Debug, Clone, PartialEq)]
+pub enum TaskResult {
+    /// An import succeeded.
+    Imported {
+        /// The canonical scene.
+        scene: SceneHash,
+        /// Its compressed bytes.
+        canonical: BlobName,
+        /// Counts.
+        statistics: SceneStatistics,
+        /// What was repaired or ignored.
+        warnings: Vec<Problem>,
+    },
+    /// An import found that the upload is not usable.
+    Rejected(Vec<Problem>),
+    /// A job has its plan.
+    Prepared {
+        /// The plan.
+        plan: PlanRef,
+        /// Tiles of Probe.
+        tiles: u64,
+        /// Their cost, texels.
+        cost: u64,
+        /// Surfaces.
+        surfaces: u32,
+        /// Covered texels.
+        texels: u64,
+        /// What was bounded or replaced.
+        warnings: Vec<Problem>,
+    },
+    /// A phase's results are in the plan.
+    Merged {
+        /// The phase that ended.
+        phase: Phase,
+        /// The new plan.
+        plan: PlanRef,
+        /// Tiles of the next phase.
+        tiles: u64,
+        /// Their cost, texels.
+        cost: u64,
+    },
+    /// A surface's files are written.
+    Assembled {
+        /// The surface.
+        surface: u32,
+        /// Its report, for the manifest.
+        report: serde_json::Value,
+        /// Its files.
+        files: Vec<StoredPackageFile>,
+    },
+    /// Manifest and report are written: the package is whole.
+    Published(Vec<StoredPackageFile>),
+    /// It cannot be done: the job fails.
+    Failed(Problem),
+    /// Not now; it goes back to the queue.
+    Later,
+}
+
+/// Tiles that wait for a worker.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Candidate {
+    /// Whose tiles.
+    pub job: JobId,
+    /// Of which phase.
+    pub phase: Phase,
+    /// The scene.
+    pub scene: SceneHash,
+    /// The plan.
+    pub plan: PlanRef,
+    /// A run of pending tiles within one shard.
+    pub run: TileRun,
+    /// Pending tiles of the phase.
+    pub pending: u64,
+}
+
+/// A lease to record.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Grant {
+    /// The fence.
+    pub token: Token,
+    /// Who gets it.
+    pub worker: WorkerId,
+    /// Whose tiles.
+    pub job: JobId,
+    /// Of which phase.
+    pub phase: Phase,
+    /// Which tiles: the beginning of a candidate's run.
+    pub run: TileRun,
+    /// When it expires without heartbeats.
+    pub deadline: UnixMillis,
+    /// When it expires whatever comes.
+    pub cap: UnixMillis,
+}
+
+/// An attempt as stored.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct AttemptRow {
+    /// Whose it is.
+    pub worker: WorkerId,
+    /// Whose tiles.
+    pub job: JobId,
+    /// Of which phase.
+    pub phase: Phase,
+    /// Which tiles were leased.
+    pub run: TileRun,
+    /// What became of it.
+    pub state: Attempt,
+    /// When it was granted.
+    pub granted_ms: UnixMillis,
+}
+
+/// A tile of a chunk.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ChunkTile {
+    /// The tile.
+    pub tile: TileIndex,
+    /// Hash of its segment.
+    pub digest: Digest,
+    /// Its cost, texels.
+    pub cost: u64,
+}
+
+/// A checked chunk to record. Its blob is durable already.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct NewChunk {
+    /// The attempt.
+    pub token: Token,
+    /// Its number within the attempt.
+    pub n: u64,
+    /// Its bytes.
+    pub blob: BlobName,
+    /// Where its trailer's frame begins.
+    pub trailer_at: u64,
+    /// Its length.
+    pub length: u64,
+    /// Its tiles, none twice, all of the attempt's run.
+    pub tiles: Vec<ChunkTile>,
+}
+
+/// A chunk as stored. Its tiles, in order, stand in its trailer.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ChunkRow {
+    /// Its bytes.
+    pub blob: BlobName,
+    /// Where its trailer's frame begins.
+    pub trailer_at: u64,
+    /// Its length.
+    pub length: u64,
+    /// Tiles whose first valid segment it brought.
+    pub accepted: TileRuns,
+    /// Tiles that were done already with other bytes.
+    pub conflicts: TileRuns,
+}
+
+/// What became of a chunk.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum ChunkOutcome {
+    /// Recorded now, or earlier under the same (token, n).
+    Recorded(ChunkRow),
+    /// Some tiles are done and the store does not keep digests: look them up in these chunks and ask again. Nothing was recorded.
+    NeedDigests(Vec<ChunkRow>),
+    /// The attempt, in this state, may not deliver.
+    Gone(String),
+}
+
+/// What became of an attempt's end.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum FinishOutcome {
+    /// It is over; tiles in its run that it owed go back.
+    Finished(AttemptRow),
+    /// It was over before, in this state.
+    Gone(String),
+}
+
+/// What one worker did for a job.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Contribution {
+    /// The worker's name.
+    pub worker: String,
+    /// The phase.
+    pub phase: Phase,
+    /// Attempts that it ended.
+    pub attempts: u64,
+    /// Texels it delivered, gutters included.
+    pub texels: u64,
+    /// Rays by its word.
+    pub rays: u64,
+    /// Processor seconds by its word.
+    pub core_seconds: f64,
+    /// Largest resident memory by its word, bytes.
+    pub peak_rss_bytes: u64,
+}
+
+/// What a look at the clock changed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Expiry {
+    /// Attempts that expired.
+    pub attempts: u64,
+    /// Tasks that went back to the queue.
+    pub tasks: u64,
+}
+
+/// Counts at one moment.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Figures {
+    /// Jobs by state.
+    pub jobs: BTreeMap<String, u64>,
+    /// Tiles that wait, over all jobs.
+    pub tiles_pending: u64,
+    /// Tiles in held attempts.
+    pub tiles_leased: u64,
+    /// Attempts held.
+    pub attempts_held: u64,
+    /// Tasks that wait or run.
+    pub tasks: u64,
+}

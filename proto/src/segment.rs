@@ -1,1 +1,0 @@
-//! Segments: the self-contained result of one tile.
