@@ -10,8 +10,8 @@ use super::{
     problem::{Answer, Failure},
 };
 use crate::{
-    engine::{EngineError, PackageFile},
-    records::{JobRecord, JobState},
+    engine::EngineError,
+    records::{JobRecord, JobState, PackageFile},
 };
 use axum::{
     body::Body,
@@ -27,7 +27,7 @@ use std::ops::Range;
 pub(super) const IMMUTABLE: &str = "private, max-age=31536000, immutable";
 
 /// The manifest of a job's package: every file with its size, media type and SHA-256.
-#[utoipa::path(get, path = "/v1/jobs/{id}/assets", tag = "packages", params(("id" = String, Path, description = "The job's id")),
+#[utoipa::path(get, path = "/v1/jobs/{id}/assets", operation_id = "getManifest", tag = "packages", params(("id" = String, Path, description = "The job's id")),
     responses((status = 200, description = "manifest.json of the package", body = Object)))]
 pub(super) async fn manifest(State(app): State<App>, JobInPath(job): JobInPath, method: Method, headers: HeaderMap) -> Answer<Response> {
     send(&app, job, "manifest.json", &method, &headers).await
@@ -40,7 +40,7 @@ pub(super) struct FilePath {
 }
 
 /// A file of a job's package. Conditional and partial requests work as in RFC 9110, with one range at a time.
-#[utoipa::path(get, path = "/v1/jobs/{id}/assets/{path}", tag = "packages",
+#[utoipa::path(get, path = "/v1/jobs/{id}/assets/{path}", operation_id = "getAsset", tag = "packages",
     params(("id" = String, Path, description = "The job's id"),
         ("path" = String, Path, description = "Path of the file within the package; it may hold slashes"),
         ("range" = Option<String>, Header, description = "`bytes=FIRST-LAST`, `bytes=FIRST-` or `bytes=-COUNT`"),

@@ -47,7 +47,7 @@ pub(super) struct Bake {
 /// Upload a scene and bake it.
 ///
 /// The body is that of `POST /v1/scenes`; a part `settings` (or the query parameter) holds the settings as JSON.
-#[utoipa::path(post, path = "/v1/bakes", tag = "jobs", params(BakeQuery),
+#[utoipa::path(post, path = "/v1/bakes", operation_id = "bake", tag = "jobs", params(BakeQuery),
     request_body(description = "The files, and the settings", content(
         (String = "multipart/form-data"), (String = "application/zip"), (String = "model/obj"), (String = "application/octet-stream"))),
     responses((status = 201, description = "Scene and job", body = Bake, headers(("location" = String, description = "The job")))))]

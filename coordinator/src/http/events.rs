@@ -62,7 +62,7 @@ pub struct Snapshot {
 ///
 /// Server-sent events named `state`, `tiles`, `problem` (data: JobEvent) and `snapshot` (data: Snapshot); the id of each is its sequence
 /// number. Comments keep the connection alive; the stream ends after a final state.
-#[utoipa::path(get, path = "/v1/jobs/{id}/events", tag = "jobs",
+#[utoipa::path(get, path = "/v1/jobs/{id}/events", operation_id = "followJob", tag = "jobs",
     params(("id" = String, Path, description = "The job's id"), EventsQuery,
         ("last-event-id" = Option<u64>, Header, description = "Sequence number of the last event received")),
     responses(

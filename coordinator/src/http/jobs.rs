@@ -36,7 +36,7 @@ pub(super) struct CreateQuery {
 /// Submit a job.
 ///
 /// The scene may still be importing, except for `dry_run`, which answers texels, tiles, bytes and the time to expect.
-#[utoipa::path(post, path = "/v1/jobs", tag = "jobs", params(CreateQuery), request_body = NewJob,
+#[utoipa::path(post, path = "/v1/jobs", operation_id = "createJob", tag = "jobs", params(CreateQuery), request_body = NewJob,
     responses(
         (status = 201, description = "Created", body = JobRecord, headers(("location" = String, description = "The job"))),
         (status = 200, description = "With `dry_run`: what it would cost", body = Estimate)))]
@@ -85,7 +85,7 @@ pub(super) struct ListQuery {
 }
 
 /// Jobs, youngest first.
-#[utoipa::path(get, path = "/v1/jobs", tag = "jobs", params(ListQuery),
+#[utoipa::path(get, path = "/v1/jobs", operation_id = "listJobs", tag = "jobs", params(ListQuery),
     responses((status = 200, description = "A page of jobs", body = JobPage)))]
 pub(super) async fn list(State(app): State<App>, Query(query): Query<ListQuery>) -> Answer<Json<JobPage>> {
     let label = query.label.as_deref().map(split_label).transpose()?;
@@ -101,21 +101,21 @@ fn split_label(text: &str) -> Answer<(String, String)> {
 }
 
 /// A job: state, phase, progress, and why nothing happens where nothing does.
-#[utoipa::path(get, path = "/v1/jobs/{id}", tag = "jobs", params(("id" = String, Path, description = "The job's id")),
+#[utoipa::path(get, path = "/v1/jobs/{id}", operation_id = "getJob", tag = "jobs", params(("id" = String, Path, description = "The job's id")),
     responses((status = 200, description = "The job", body = JobRecord)))]
 pub(super) async fn get(State(app): State<App>, JobInPath(job): JobInPath) -> Answer<Json<JobRecord>> {
     Ok(Json(app.engine.job(job).await?))
 }
 
 /// Cancel a job. One that has ended is left as it is.
-#[utoipa::path(post, path = "/v1/jobs/{id}/cancel", tag = "jobs", params(("id" = String, Path, description = "The job's id")),
+#[utoipa::path(post, path = "/v1/jobs/{id}/cancel", operation_id = "cancelJob", tag = "jobs", params(("id" = String, Path, description = "The job's id")),
     responses((status = 200, description = "The job as it is now", body = JobRecord)))]
 pub(super) async fn cancel(State(app): State<App>, JobInPath(job): JobInPath) -> Answer<Json<JobRecord>> {
     Ok(Json(app.engine.cancel_job(job).await?))
 }
 
 /// Cancel a job and remove every trace of it, its package included.
-#[utoipa::path(delete, path = "/v1/jobs/{id}", tag = "jobs", params(("id" = String, Path, description = "The job's id")),
+#[utoipa::path(delete, path = "/v1/jobs/{id}", operation_id = "deleteJob", tag = "jobs", params(("id" = String, Path, description = "The job's id")),
     responses((status = 204, description = "Gone")))]
 pub(super) async fn delete(State(app): State<App>, JobInPath(job): JobInPath) -> Answer<StatusCode> {
     app.engine.delete_job(job).await?;

@@ -121,7 +121,7 @@ fn record(figures: &Statistics) {
 }
 
 /// Figures in Prometheus' text format.
-#[utoipa::path(get, path = "/metrics", tag = "operations", responses((status = 200, description = "Metrics", body = String, content_type = "text/plain")))]
+#[utoipa::path(get, path = "/metrics", operation_id = "metrics", tag = "operations", responses((status = 200, description = "Metrics", body = String, content_type = "text/plain")))]
 pub(super) async fn render(State(app): State<App>) -> Answer<([(HeaderName, &'static str); 1], String)> {
     let figures = app.engine.statistics().await?;
     Ok(([(header::CONTENT_TYPE, "text/plain; version=0.0.4; charset=utf-8")], app.metrics.text(&figures)))

@@ -48,7 +48,7 @@ pub fn openapi() -> &'static Value {
 }
 
 /// This document.
-#[utoipa::path(get, path = "/openapi.json", tag = "pages", responses((status = 200, description = "OpenAPI 3.1", body = Object)))]
+#[utoipa::path(get, path = "/openapi.json", operation_id = "openapi", tag = "pages", responses((status = 200, description = "OpenAPI 3.1", body = Object)))]
 pub(super) async fn document() -> Json<&'static Value> {
     Json(openapi())
 }
@@ -63,12 +63,13 @@ fn complete(derived: &utoipa::openapi::OpenApi, routes: &[Route]) -> Value {
     schemas["NewJob"]["additionalProperties"] = false.into();
     schemas["NewJob"]["examples"] = json!([{"scene": "0".repeat(64), "settings": {"preset": "draft"}, "labels": {"project": "atrium"}}]);
     schemas["JobRecord"]["properties"]["settings"] = reference("BakeSettings");
-    let run = json!({"type": "object", "description": "The tiles from `start` to before `end`.", "required": ["start", "end"],
+    schemas["TileRun"] = json!({"type": "object", "description": "The tiles from `start` to before `end`.", "required": ["start", "end"],
         "properties": {"start": {"type": "integer", "minimum": 0}, "end": {"type": "integer", "minimum": 0}}});
-    schemas["TileRun"] = run;
-    for owner in ["DoneTiles", "Snapshot"] {
-        schemas[owner]["properties"]["runs"]["items"] = reference("TileRun");
+    schemas["UnixMillis"] = json!({"type": "integer", "format": "int64", "description": "Milliseconds since 1970-01-01 UTC."});
+    if let Some(schemas) = schemas.as_object_mut() {
+        schemas.remove("i64");
     }
+    name_shared_types(&mut document);
     describe_uploads(&mut document);
     describe_bytes(&mut document["paths"]);
     for route in routes {
@@ -79,6 +80,25 @@ fn complete(derived: &utoipa::openapi::OpenApi, routes: &[Route]) -> Value {
 
 fn reference(schema: &str) -> Value {
     json!({"$ref": format!("#/components/schemas/{schema}")})
+}
+
+/// Types of `proto`, and the alias of a plain number, that the derive saw only as what they are made of.
+fn name_shared_types(value: &mut Value) {
+    match value {
+        Value::Object(fields) => {
+            for (name, field) in fields.iter_mut() {
+                match name.as_str() {
+                    "$ref" if field == "#/components/schemas/i64" => *field = "#/components/schemas/UnixMillis".into(),
+                    "runs" if field["type"] == "array" => field["items"] = reference("TileRun"),
+                    "phase" if field["type"] == "string" => field["enum"] = json!(["probe", "bake"]),
+                    "phase" if field["type"].is_array() => field["enum"] = json!(["probe", "bake", null]),
+                    _ => name_shared_types(field),
+                }
+            }
+        }
+        Value::Array(items) => items.iter_mut().for_each(name_shared_types),
+        _ => {}
+    }
 }
 
 /// One part per file, and for bakes the settings.
@@ -149,6 +169,14 @@ mod tests {
             methods.map(move |(method, _)| format!("{method} {path}"))
         });
         assert_eq!(documented.collect::<BTreeSet<_>>(), served);
+    }
+
+    #[test]
+    fn operations_have_names_of_their_own() {
+        let operations = openapi()["paths"].as_object().unwrap().values().flat_map(|item| item.as_object().unwrap().values());
+        let names: Vec<&str> = operations.filter_map(|operation| operation["operationId"].as_str()).collect();
+        assert_eq!(names.iter().collect::<BTreeSet<_>>().len(), names.len());
+        assert_eq!(names.len(), Routes::all().list.len());
     }
 
     #[test]

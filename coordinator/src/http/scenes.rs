@@ -36,7 +36,7 @@ pub(super) struct UploadQuery {
 ///
 /// Either `multipart/form-data` with one part per file, whose `filename` is the path that the scene uses for it, or one file as the body: an
 /// OBJ, or a ZIP with everything that it refers to. The answer comes when the scene has been imported, or after 30 s as 202.
-#[utoipa::path(post, path = "/v1/scenes", tag = "scenes", params(UploadQuery),
+#[utoipa::path(post, path = "/v1/scenes", operation_id = "createScene", tag = "scenes", params(UploadQuery),
     request_body(description = "The files", content(
         (String = "multipart/form-data"), (String = "application/zip"), (String = "model/obj"), (String = "application/octet-stream"))),
     responses(
@@ -68,7 +68,7 @@ pub(super) async fn import(engine: &Engine, upload: Upload) -> Answer<SceneRecor
 }
 
 /// A scene, by the id of its upload or by its hash.
-#[utoipa::path(get, path = "/v1/scenes/{scene}", tag = "scenes",
+#[utoipa::path(get, path = "/v1/scenes/{scene}", operation_id = "getScene", tag = "scenes",
     params(("scene" = String, Path, description = "Id of the upload, or the scene's hash")),
     responses((status = 200, description = "The scene; a rejected one lists its problems", body = SceneRecord)))]
 pub(super) async fn get(State(app): State<App>, Path(scene): Path<String>) -> Answer<Json<SceneRecord>> {
@@ -89,7 +89,7 @@ pub(super) struct ListQuery {
 }
 
 /// Uploaded scenes, youngest first.
-#[utoipa::path(get, path = "/v1/scenes", tag = "scenes", params(ListQuery),
+#[utoipa::path(get, path = "/v1/scenes", operation_id = "listScenes", tag = "scenes", params(ListQuery),
     responses((status = 200, description = "A page of scenes", body = ScenePage)))]
 pub(super) async fn list(State(app): State<App>, Query(query): Query<ListQuery>) -> Answer<Json<ScenePage>> {
     Ok(Json(app.engine.scenes(query.cursor, query.limit).await?))

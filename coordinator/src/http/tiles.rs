@@ -41,7 +41,7 @@ pub struct DoneTiles {
 }
 
 /// Tiles that are done so far.
-#[utoipa::path(get, path = "/v1/jobs/{id}/tiles", tag = "jobs",
+#[utoipa::path(get, path = "/v1/jobs/{id}/tiles", operation_id = "doneTiles", tag = "jobs",
     params(("id" = String, Path, description = "The job's id"), TilesQuery),
     responses((status = 200, description = "The tiles", body = DoneTiles)))]
 pub(super) async fn get(State(app): State<App>, JobInPath(job): JobInPath, Query(query): Query<TilesQuery>) -> Answer<Json<DoneTiles>> {

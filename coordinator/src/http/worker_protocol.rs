@@ -119,7 +119,7 @@ fn token(text: &str) -> Result<Token, Refused> {
 }
 
 /// A worker introduces itself.
-#[utoipa::path(post, path = "/v1/worker/hello", tag = "worker", request_body(content = String, content_type = FRAME, description = "Hello"),
+#[utoipa::path(post, path = "/v1/worker/hello", operation_id = "workerHello", tag = "worker", request_body(content = String, content_type = FRAME, description = "Hello"),
     responses((status = 200, description = "Welcome", body = String, content_type = FRAME),
         (status = 426, description = "Refusal: another protocol or bake version", body = String, content_type = FRAME)))]
 pub(super) async fn hello(State(app): State<App>, request: Request) -> Reply {
@@ -129,7 +129,7 @@ pub(super) async fn hello(State(app): State<App>, request: Request) -> Reply {
 }
 
 /// A worker asks for work and waits for it.
-#[utoipa::path(post, path = "/v1/worker/leases", tag = "worker",
+#[utoipa::path(post, path = "/v1/worker/leases", operation_id = "workerLease", tag = "worker",
     request_body(content = String, content_type = FRAME, description = "LeaseRequest"),
     responses((status = 200, description = "LeaseGrant", body = String, content_type = FRAME),
         (status = 204, description = "No work within the time that the worker is willing to wait"),
@@ -147,7 +147,7 @@ pub(super) async fn lease(State(app): State<App>, request: Request) -> Reply {
 }
 
 /// A canonical scene, one zstd frame.
-#[utoipa::path(get, path = "/v1/worker/scenes/{hash}", tag = "worker", params(("hash" = String, Path, description = "The scene's hash")),
+#[utoipa::path(get, path = "/v1/worker/scenes/{hash}", operation_id = "workerScene", tag = "worker", params(("hash" = String, Path, description = "The scene's hash")),
     responses((status = 200, description = "The scene", body = String, content_type = "application/zstd")))]
 pub(super) async fn scene(State(app): State<App>, Path(hash): Path<String>) -> Reply {
     let hash: SceneHash = name(&hash)?;
@@ -155,7 +155,7 @@ pub(super) async fn scene(State(app): State<App>, Path(hash): Path<String>) -> R
 }
 
 /// A plan, one zstd frame.
-#[utoipa::path(get, path = "/v1/worker/plans/{digest}", tag = "worker", params(("digest" = String, Path, description = "The plan's digest")),
+#[utoipa::path(get, path = "/v1/worker/plans/{digest}", operation_id = "workerPlan", tag = "worker", params(("digest" = String, Path, description = "The plan's digest")),
     responses((status = 200, description = "The plan", body = String, content_type = "application/zstd")))]
 pub(super) async fn plan(State(app): State<App>, Path(digest): Path<String>) -> Reply {
     let digest: Digest = name(&digest)?;
@@ -180,7 +180,7 @@ pub(super) struct ChunkPath {
 }
 
 /// A chunk of finished segments.
-#[utoipa::path(put, path = "/v1/worker/attempts/{token}/chunks/{n}", tag = "worker",
+#[utoipa::path(put, path = "/v1/worker/attempts/{token}/chunks/{n}", operation_id = "workerChunk", tag = "worker",
     params(("token" = String, Path, description = "The attempt's token"), ("n" = u64, Path, description = "The chunk's number")),
     request_body(content = String, content_type = "application/octet-stream", description = "Segments, trailer frame, its length"),
     responses((status = 200, description = "ChunkVerdict", body = String, content_type = FRAME),
@@ -200,7 +200,7 @@ pub(super) async fn chunk(State(app): State<App>, Path(path): Path<ChunkPath>, r
 }
 
 /// A sign of life of an attempt.
-#[utoipa::path(post, path = "/v1/worker/attempts/{token}/heartbeat", tag = "worker",
+#[utoipa::path(post, path = "/v1/worker/attempts/{token}/heartbeat", operation_id = "workerHeartbeat", tag = "worker",
     params(("token" = String, Path, description = "The attempt's token")),
     request_body(content = String, content_type = FRAME, description = "Heartbeat"),
     responses((status = 200, description = "HeartbeatReply", body = String, content_type = FRAME)))]
@@ -211,7 +211,7 @@ pub(super) async fn heartbeat(State(app): State<App>, Path(text): Path<String>, 
 }
 
 /// Every tile of an attempt has been delivered.
-#[utoipa::path(post, path = "/v1/worker/attempts/{token}/complete", tag = "worker",
+#[utoipa::path(post, path = "/v1/worker/attempts/{token}/complete", operation_id = "workerComplete", tag = "worker",
     params(("token" = String, Path, description = "The attempt's token")),
     request_body(content = String, content_type = FRAME, description = "Finish"),
     responses((status = 204, description = "Noted"),
@@ -223,7 +223,7 @@ pub(super) async fn complete(State(app): State<App>, Path(text): Path<String>, r
 }
 
 /// A worker gives the rest of an attempt back.
-#[utoipa::path(post, path = "/v1/worker/attempts/{token}/release", tag = "worker",
+#[utoipa::path(post, path = "/v1/worker/attempts/{token}/release", operation_id = "workerRelease", tag = "worker",
     params(("token" = String, Path, description = "The attempt's token")),
     request_body(content = String, content_type = FRAME, description = "Finish"),
     responses((status = 204, description = "Noted"),

@@ -14,7 +14,7 @@ pub(super) struct WorkerList {
 }
 
 /// Workers that were heard not too long ago.
-#[utoipa::path(get, path = "/v1/workers", tag = "operations", responses((status = 200, description = "The workers", body = WorkerList)))]
+#[utoipa::path(get, path = "/v1/workers", operation_id = "listWorkers", tag = "operations", responses((status = 200, description = "The workers", body = WorkerList)))]
 pub(super) async fn list(State(app): State<App>) -> Answer<Json<WorkerList>> {
     Ok(Json(WorkerList { workers: app.engine.workers().await? }))
 }
