@@ -12,10 +12,7 @@ use super::{
     extract::JobInPath,
     problem::{Answer, Failure, chain},
 };
-use crate::{
-    blob::ByteStream,
-    engine::{Engine, PackageFile},
-};
+use crate::{blob::ByteStream, engine::Engine, records::PackageFile};
 use axum::{
     body::Body,
     extract::State,
@@ -50,16 +47,16 @@ enum Format {
 }
 
 /// The package as a ZIP archive.
-#[utoipa::path(get, path = "/v1/jobs/{id}/bundle.zip", tag = "packages", params(("id" = String, Path, description = "The job's id")),
+#[utoipa::path(get, path = "/v1/jobs/{id}/bundle.zip", operation_id = "getZip", tag = "packages", params(("id" = String, Path, description = "The job's id")),
     responses((status = 200, description = "The archive", body = String, content_type = "application/zip")))]
-pub async fn zip(State(app): State<App>, JobInPath(job): JobInPath, method: Method, headers: HeaderMap) -> Answer<Response> {
+pub(super) async fn zip(State(app): State<App>, JobInPath(job): JobInPath, method: Method, headers: HeaderMap) -> Answer<Response> {
     send(app, job, Format::Zip, &method, &headers).await
 }
 
 /// The package as a tar archive, compressed by zstd.
-#[utoipa::path(get, path = "/v1/jobs/{id}/bundle.tar.zst", tag = "packages", params(("id" = String, Path, description = "The job's id")),
+#[utoipa::path(get, path = "/v1/jobs/{id}/bundle.tar.zst", operation_id = "getTarZst", tag = "packages", params(("id" = String, Path, description = "The job's id")),
     responses((status = 200, description = "The archive", body = String, content_type = "application/zstd")))]
-pub async fn tar_zst(State(app): State<App>, JobInPath(job): JobInPath, method: Method, headers: HeaderMap) -> Answer<Response> {
+pub(super) async fn tar_zst(State(app): State<App>, JobInPath(job): JobInPath, method: Method, headers: HeaderMap) -> Answer<Response> {
     send(app, job, Format::TarZst, &method, &headers).await
 }
 
@@ -149,7 +146,11 @@ fn write_zip<R: Read>(out: &mut impl Write, files: &[PackageFile], mut open: imp
 ///
 /// # Errors
 /// As [`write_zip`].
-fn write_tar_zst<R: Read>(out: &mut impl Write, files: &[PackageFile], mut open: impl FnMut(&PackageFile) -> io::Result<R>) -> io::Result<()> {
+fn write_tar_zst<R: Read>(
+    out: &mut impl Write,
+    files: &[PackageFile],
+    mut open: impl FnMut(&PackageFile) -> io::Result<R>,
+) -> io::Result<()> {
     let mut archive = tar::Builder::new(zstd::stream::Encoder::new(out, ZSTD_LEVEL)?);
     for file in files {
         let mut entry = tar::Header::new_gnu();

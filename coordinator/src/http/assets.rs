@@ -10,8 +10,8 @@ use super::{
     problem::{Answer, Failure},
 };
 use crate::{
-    engine::{EngineError, PackageFile},
-    records::{JobRecord, JobState},
+    engine::EngineError,
+    records::{JobRecord, JobState, PackageFile},
 };
 use axum::{
     body::Body,
@@ -24,23 +24,23 @@ use serde::Deserialize;
 use std::ops::Range;
 
 /// For what will never change under its URL. Private: later, who may see a job is decided per client.
-pub const IMMUTABLE: &str = "private, max-age=31536000, immutable";
+pub(super) const IMMUTABLE: &str = "private, max-age=31536000, immutable";
 
 /// The manifest of a job's package: every file with its size, media type and SHA-256.
-#[utoipa::path(get, path = "/v1/jobs/{id}/assets", tag = "packages", params(("id" = String, Path, description = "The job's id")),
+#[utoipa::path(get, path = "/v1/jobs/{id}/assets", operation_id = "getManifest", tag = "packages", params(("id" = String, Path, description = "The job's id")),
     responses((status = 200, description = "manifest.json of the package", body = Object)))]
-pub async fn manifest(State(app): State<App>, JobInPath(job): JobInPath, method: Method, headers: HeaderMap) -> Answer<Response> {
+pub(super) async fn manifest(State(app): State<App>, JobInPath(job): JobInPath, method: Method, headers: HeaderMap) -> Answer<Response> {
     send(&app, job, "manifest.json", &method, &headers).await
 }
 
 /// The path within the package.
 #[derive(Debug, Deserialize)]
-pub struct FilePath {
+pub(super) struct FilePath {
     path: String,
 }
 
 /// A file of a job's package. Conditional and partial requests work as in RFC 9110, with one range at a time.
-#[utoipa::path(get, path = "/v1/jobs/{id}/assets/{path}", tag = "packages",
+#[utoipa::path(get, path = "/v1/jobs/{id}/assets/{path}", operation_id = "getAsset", tag = "packages",
     params(("id" = String, Path, description = "The job's id"),
         ("path" = String, Path, description = "Path of the file within the package; it may hold slashes"),
         ("range" = Option<String>, Header, description = "`bytes=FIRST-LAST`, `bytes=FIRST-` or `bytes=-COUNT`"),
@@ -51,7 +51,7 @@ pub struct FilePath {
         (status = 206, description = "The part asked for", body = String, content_type = "application/octet-stream",
             headers(("content-range" = String, description = "Which part"))),
         (status = 304, description = "The client holds this file")))]
-pub async fn file(
+pub(super) async fn file(
     State(app): State<App>,
     JobInPath(job): JobInPath,
     Path(FilePath { path }): Path<FilePath>,
@@ -66,24 +66,34 @@ async fn send(app: &App, job: JobId, path: &str, method: &Method, headers: &Head
         Ok(file) => file,
         Err(error) => return Err(explain(app, job, error).await),
     };
+    let (status, headers, range) = head(&file, headers)?;
+    let body = match range {
+        Some(range) if method != Method::HEAD => Body::from_stream(app.engine.read_package_file(job, path, Some(range)).await?.stream),
+        _ => Body::empty(),
+    };
+    Ok((status, headers, body).into_response())
+}
+
+/// Status and headers for a request with the given headers, and the bytes to send where there are any.
+fn head(file: &PackageFile, asked: &HeaderMap) -> Answer<(StatusCode, HeaderMap, Option<Range<u64>>)> {
     let etag = strong_etag(&file.sha256);
-    let (status, range) = match decide(headers, &etag, file.bytes) {
+    let mut headers = caching(&etag)?;
+    let (status, range) = match decide(asked, &etag, file.bytes) {
         Decision::Whole => (StatusCode::OK, 0..file.bytes),
         Decision::Part(range) => (StatusCode::PARTIAL_CONTENT, range),
-        Decision::NotModified => return Ok((StatusCode::NOT_MODIFIED, caching(&etag)?).into_response()),
+        Decision::NotModified => return Ok((StatusCode::NOT_MODIFIED, headers, None)),
         Decision::PreconditionFailed => {
             return Err(Failure::new(Kind::PreconditionFailed, format!("the file's entity tag is {etag}")));
         }
         Decision::NotSatisfiable => return Err(unsatisfiable(file.bytes)),
     };
-    let body = if method == Method::HEAD {
-        Body::empty()
-    } else {
-        Body::from_stream(app.engine.read_package_file(job, path, Some(range.clone())).await?.stream)
-    };
-    let mut response = (status, caching(&etag)?, body).into_response();
-    describe(response.headers_mut(), &file, status, &range)?;
-    Ok(response)
+    headers.insert(header::CONTENT_TYPE, value(&file.media_type)?);
+    headers.insert(header::CONTENT_LENGTH, HeaderValue::from(range.end - range.start));
+    headers.insert(header::ACCEPT_RANGES, HeaderValue::from_static("bytes"));
+    if status == StatusCode::PARTIAL_CONTENT {
+        headers.insert(header::CONTENT_RANGE, value(&format!("bytes {}-{}/{}", range.start, range.end - 1, file.bytes))?);
+    }
+    Ok((status, headers, Some(range)))
 }
 
 fn unsatisfiable(length: u64) -> Failure {
@@ -98,33 +108,23 @@ fn unsatisfiable(length: u64) -> Failure {
 ///
 /// # Errors
 /// A tag that is no header value, which only a damaged store can hold.
-pub fn caching(etag: &str) -> Answer<HeaderMap> {
+pub(super) fn caching(etag: &str) -> Answer<HeaderMap> {
     let mut headers = HeaderMap::new();
     headers.insert(header::ETAG, value(etag)?);
     headers.insert(header::CACHE_CONTROL, HeaderValue::from_static(IMMUTABLE));
     Ok(headers)
 }
 
-fn describe(headers: &mut HeaderMap, file: &PackageFile, status: StatusCode, range: &Range<u64>) -> Answer<()> {
-    headers.insert(header::CONTENT_TYPE, value(&file.media_type)?);
-    headers.insert(header::CONTENT_LENGTH, HeaderValue::from(range.end - range.start));
-    headers.insert(header::ACCEPT_RANGES, HeaderValue::from_static("bytes"));
-    if status == StatusCode::PARTIAL_CONTENT {
-        headers.insert(header::CONTENT_RANGE, value(&format!("bytes {}-{}/{}", range.start, range.end - 1, file.bytes))?);
-    }
-    Ok(())
-}
-
 /// Text as a header value.
 ///
 /// # Errors
 /// Control characters.
-pub fn value(text: &str) -> Answer<HeaderValue> {
+pub(super) fn value(text: &str) -> Answer<HeaderValue> {
     HeaderValue::from_str(text).map_err(Failure::internal)
 }
 
 /// Why the package, or a file of it, cannot be had; of a job that is not done, how far it is.
-pub async fn explain(app: &App, job: JobId, error: EngineError) -> Failure {
+pub(super) async fn explain(app: &App, job: JobId, error: EngineError) -> Failure {
     if !matches!(error, EngineError::Conflict { .. }) {
         return error.into();
     }
@@ -153,4 +153,38 @@ fn how_far(job: &JobRecord) -> String {
     };
     let waiting = job.waiting.as_ref().map(|why| format!(" ({why})")).unwrap_or_default();
     format!("job {} {rest}{waiting}", job.id)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn ask(name: header::HeaderName, text: &str) -> Answer<(StatusCode, HeaderMap, Option<Range<u64>>)> {
+        let file =
+            PackageFile { path: "a.mtsp".into(), media_type: "application/octet-stream".into(), bytes: 100, sha256: "ab".repeat(32) };
+        head(&file, &[(name, text.parse().unwrap())].into_iter().collect())
+    }
+
+    #[test]
+    fn a_part_says_which_it_is() {
+        let (status, headers, range) = ask(header::RANGE, "bytes=-10").unwrap();
+        assert_eq!((status, range), (StatusCode::PARTIAL_CONTENT, Some(90..100)));
+        assert_eq!(headers[header::CONTENT_RANGE], "bytes 90-99/100");
+        assert_eq!(headers[header::CONTENT_LENGTH], "10");
+        assert_eq!(headers[header::CACHE_CONTROL], IMMUTABLE);
+    }
+
+    #[test]
+    fn a_held_file_is_not_sent_again() {
+        let (status, headers, range) = ask(header::IF_NONE_MATCH, &format!("\"{}\"", "ab".repeat(32))).unwrap();
+        assert_eq!((status, range), (StatusCode::NOT_MODIFIED, None));
+        assert!(headers.contains_key(header::ETAG) && !headers.contains_key(header::CONTENT_LENGTH));
+    }
+
+    #[test]
+    fn a_range_outside_the_file_says_how_long_it_is() {
+        let response = ask(header::RANGE, "bytes=100-").unwrap_err().into_response();
+        assert_eq!(response.status(), StatusCode::RANGE_NOT_SATISFIABLE);
+        assert_eq!(response.headers()[header::CONTENT_RANGE], "bytes */100");
+    }
 }

@@ -24,7 +24,7 @@ use utoipa::{IntoParams, ToSchema};
 #[derive(Debug, Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
-pub struct BakeQuery {
+pub(super) struct BakeQuery {
     /// Name of the file when the body is a single one, such as `room.obj`.
     pub name: Option<String>,
     /// Settings as JSON (schema SettingsPatch), where no part `settings` gives them.
@@ -37,7 +37,7 @@ pub struct BakeQuery {
 
 /// What a bake began.
 #[derive(Debug, Serialize, ToSchema)]
-pub struct Bake {
+pub(super) struct Bake {
     /// The scene, imported or still importing.
     pub scene: SceneRecord,
     /// The job.
@@ -47,11 +47,11 @@ pub struct Bake {
 /// Upload a scene and bake it.
 ///
 /// The body is that of `POST /v1/scenes`; a part `settings` (or the query parameter) holds the settings as JSON.
-#[utoipa::path(post, path = "/v1/bakes", tag = "jobs", params(BakeQuery),
+#[utoipa::path(post, path = "/v1/bakes", operation_id = "bake", tag = "jobs", params(BakeQuery),
     request_body(description = "The files, and the settings", content(
         (String = "multipart/form-data"), (String = "application/zip"), (String = "model/obj"), (String = "application/octet-stream"))),
     responses((status = 201, description = "Scene and job", body = Bake, headers(("location" = String, description = "The job")))))]
-pub async fn create(
+pub(super) async fn create(
     State(app): State<App>,
     Query(query): Query<BakeQuery>,
     request: Request,

@@ -20,13 +20,13 @@ use tempfile::TempPath;
 use tokio::io::AsyncWriteExt;
 
 /// How long a body may be silent.
-pub const PATIENCE: Duration = Duration::from_secs(60);
+pub(super) const PATIENCE: Duration = Duration::from_secs(60);
 
 /// All of a small body.
 ///
 /// # Errors
 /// More than `max` bytes, an early end, a stall.
-pub async fn read(body: Body, max: u64) -> Answer<Vec<u8>> {
+pub(super) async fn read(body: Body, max: u64) -> Answer<Vec<u8>> {
     within(&body, max)?;
     collect(&mut body.into_data_stream(), max).await
 }
@@ -35,7 +35,7 @@ pub async fn read(body: Body, max: u64) -> Answer<Vec<u8>> {
 ///
 /// # Errors
 /// As [`read`].
-pub async fn collect<S, E>(stream: &mut S, max: u64) -> Answer<Vec<u8>>
+pub(super) async fn collect<S, E>(stream: &mut S, max: u64) -> Answer<Vec<u8>>
 where
     S: Stream<Item = Result<Bytes, E>> + Unpin,
     E: Into<Interrupted>,
@@ -52,13 +52,13 @@ where
 ///
 /// # Errors
 /// Such a body.
-pub fn within(body: &Body, max: u64) -> Answer<()> {
+pub(super) fn within(body: &Body, max: u64) -> Answer<()> {
     if body.size_hint().lower() > max { Err(too_large(max)) } else { Ok(()) }
 }
 
 /// What may still come.
 #[derive(Debug, Clone, Copy)]
-pub struct Budget {
+pub(super) struct Budget {
     max: u64,
     left: u64,
 }
@@ -66,7 +66,7 @@ pub struct Budget {
 impl Budget {
     /// At most `max` bytes.
     #[must_use]
-    pub fn new(max: u64) -> Self {
+    pub(super) fn new(max: u64) -> Self {
         Self { max, left: max }
     }
 
@@ -74,7 +74,7 @@ impl Budget {
     ///
     /// # Errors
     /// [`Kind::TooLarge`] where less is left.
-    pub fn spend(&mut self, bytes: usize) -> Answer<()> {
+    pub(super) fn spend(&mut self, bytes: usize) -> Answer<()> {
         self.left = self.left.checked_sub(bytes as u64).ok_or_else(|| too_large(self.max))?;
         Ok(())
     }
@@ -85,7 +85,7 @@ fn too_large(max: u64) -> Failure {
 }
 
 /// A body that has gone to disk.
-pub struct Spooled {
+pub(super) struct Spooled {
     /// The file; removed when dropped.
     pub path: TempPath,
     /// Its length in bytes.
@@ -98,7 +98,7 @@ pub struct Spooled {
 ///
 /// # Errors
 /// As [`read`], and a full disk.
-pub async fn spool<S, E>(engine: &Engine, stream: &mut S, budget: &mut Budget) -> Answer<Spooled>
+pub(super) async fn spool<S, E>(engine: &Engine, stream: &mut S, budget: &mut Budget) -> Answer<Spooled>
 where
     S: Stream<Item = Result<Bytes, E>> + Unpin,
     E: Into<Interrupted>,
@@ -140,7 +140,7 @@ where
 }
 
 /// Why a body stopped, as the problem it is.
-pub struct Interrupted(pub Failure);
+pub(super) struct Interrupted(pub Failure);
 
 impl From<axum::Error> for Interrupted {
     fn from(error: axum::Error) -> Self {

@@ -7,7 +7,7 @@ use axum::http::StatusCode;
 
 /// What the page of a kind says.
 #[derive(Debug, Clone, Copy)]
-pub struct Entry {
+pub(super) struct Entry {
     /// Last segment of the `type` URI.
     pub slug: &'static str,
     /// The HTTP status it travels with.
@@ -25,15 +25,15 @@ macro_rules! kinds {
         /// A kind of problem.
         #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
         #[allow(missing_docs)] // Each is documented by its entry, which users read.
-        pub enum Kind { $($name),* }
+        pub(super) enum Kind { $($name),* }
 
         impl Kind {
             /// Every kind, in the order of the catalogue.
-            pub const ALL: &[Kind] = &[$(Kind::$name),*];
+            pub(super) const ALL: &[Kind] = &[$(Kind::$name),*];
 
             /// What its page says.
             #[must_use]
-            pub fn entry(self) -> Entry {
+            pub(super) fn entry(self) -> Entry {
                 match self {
                     $(Kind::$name => Entry { slug: $slug, status: StatusCode::$status, title: $title, meaning: $meaning, remedy: $remedy },)*
                 }
@@ -129,13 +129,13 @@ kinds! {
 impl Kind {
     /// The `type` URI, relative to the server.
     #[must_use]
-    pub fn uri(self) -> String {
+    pub(super) fn uri(self) -> String {
         format!("/problems/{}", self.entry().slug)
     }
 
     /// The kind with the given last segment.
     #[must_use]
-    pub fn from_slug(slug: &str) -> Option<Self> {
+    pub(super) fn from_slug(slug: &str) -> Option<Self> {
         Self::ALL.iter().copied().find(|kind| kind.entry().slug == slug)
     }
 }

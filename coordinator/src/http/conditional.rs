@@ -9,7 +9,7 @@ use std::ops::Range;
 
 /// What to send.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Decision {
+pub(super) enum Decision {
     /// 200: all of it.
     Whole,
     /// 206: these bytes.
@@ -24,13 +24,13 @@ pub enum Decision {
 
 /// A strong entity tag for a file of the given digest.
 #[must_use]
-pub fn strong_etag(digest: &str) -> String {
+pub(super) fn strong_etag(digest: &str) -> String {
     format!("\"{digest}\"")
 }
 
 /// Decides for a GET or HEAD of a file of `length` bytes with the entity tag `etag` (with its quotes).
 #[must_use]
-pub fn decide(headers: &HeaderMap, etag: &str, length: u64) -> Decision {
+pub(super) fn decide(headers: &HeaderMap, etag: &str, length: u64) -> Decision {
     let text = |name| headers.get(name).map(|value: &axum::http::HeaderValue| value.to_str().unwrap_or_default());
     if let Some(wanted) = text(header::IF_MATCH)
         && !tags(wanted).any(|tag| tag == "*" || tag == etag)

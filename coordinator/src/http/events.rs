@@ -39,7 +39,7 @@ const KEEP_ALIVE: Duration = Duration::from_secs(15);
 #[derive(Debug, Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
-pub struct EventsQuery {
+pub(super) struct EventsQuery {
     /// Only events behind this sequence number; the header Last-Event-ID takes precedence.
     #[param(minimum = 0)]
     pub after: Option<u64>,
@@ -62,13 +62,13 @@ pub struct Snapshot {
 ///
 /// Server-sent events named `state`, `tiles`, `problem` (data: JobEvent) and `snapshot` (data: Snapshot); the id of each is its sequence
 /// number. Comments keep the connection alive; the stream ends after a final state.
-#[utoipa::path(get, path = "/v1/jobs/{id}/events", tag = "jobs",
+#[utoipa::path(get, path = "/v1/jobs/{id}/events", operation_id = "followJob", tag = "jobs",
     params(("id" = String, Path, description = "The job's id"), EventsQuery,
         ("last-event-id" = Option<u64>, Header, description = "Sequence number of the last event received")),
     responses(
         (status = 200, description = "The stream", body = JobEvent, content_type = "text/event-stream"),
         (status = 204, description = "The job has ended and nothing came after that event")))]
-pub async fn stream(
+pub(super) async fn stream(
     State(app): State<App>,
     JobInPath(job): JobInPath,
     Query(query): Query<EventsQuery>,

@@ -13,10 +13,10 @@ use kiln_proto::ids::JobId;
 use serde::{Deserialize, de::DeserializeOwned};
 
 /// Bytes of a JSON body: a settings file with a size for each of thousands of surfaces fits.
-pub const JSON_BYTES: u64 = 4 << 20;
+pub(super) const JSON_BYTES: u64 = 4 << 20;
 
 /// The query, by the fields of `T`.
-pub struct Query<T>(pub T);
+pub(super) struct Query<T>(pub T);
 
 impl<T: DeserializeOwned, S: Send + Sync> FromRequestParts<S> for Query<T> {
     type Rejection = Failure;
@@ -27,7 +27,7 @@ impl<T: DeserializeOwned, S: Send + Sync> FromRequestParts<S> for Query<T> {
 }
 
 /// The parameters of the path.
-pub struct Path<T>(pub T);
+pub(super) struct Path<T>(pub T);
 
 impl<T: DeserializeOwned + Send, S: Send + Sync> FromRequestParts<S> for Path<T> {
     type Rejection = Failure;
@@ -38,7 +38,7 @@ impl<T: DeserializeOwned + Send, S: Send + Sync> FromRequestParts<S> for Path<T>
 }
 
 /// The job that the path names by `{id}`. A text that is no id names no job: 404, as for any other unknown name.
-pub struct JobInPath(pub JobId);
+pub(super) struct JobInPath(pub JobId);
 
 impl<S: Send + Sync> FromRequestParts<S> for JobInPath {
     type Rejection = Failure;
@@ -53,7 +53,7 @@ impl<S: Send + Sync> FromRequestParts<S> for JobInPath {
 }
 
 /// A JSON body of the shape of `T`.
-pub struct Json<T>(pub T);
+pub(super) struct Json<T>(pub T);
 
 impl<T: DeserializeOwned, S: Send + Sync> FromRequest<S> for Json<T> {
     type Rejection = Failure;
@@ -72,13 +72,13 @@ impl<T: DeserializeOwned, S: Send + Sync> FromRequest<S> for Json<T> {
 ///
 /// # Errors
 /// Bytes that are not JSON, or not of this shape: the problem says field and position.
-pub fn json<T: DeserializeOwned>(bytes: &[u8], kind_of_data: Kind) -> Answer<T> {
+pub(super) fn json<T: DeserializeOwned>(bytes: &[u8], kind_of_data: Kind) -> Answer<T> {
     serde_json::from_slice(bytes).map_err(|error| Failure::json(&error, kind_of_data))
 }
 
 /// The media type without its parameters, in lower case.
 #[must_use]
-pub fn media_type(headers: &HeaderMap) -> Option<String> {
+pub(super) fn media_type(headers: &HeaderMap) -> Option<String> {
     let value = headers.get(header::CONTENT_TYPE)?.to_str().ok()?;
     Some(value.split(';').next().unwrap_or_default().trim().to_ascii_lowercase())
 }

@@ -9,14 +9,14 @@ use super::{
 use axum::extract::State;
 
 /// Liveness.
-#[utoipa::path(get, path = "/healthz", tag = "operations", responses((status = 200, description = "Alive", body = String, content_type = "text/plain")))]
-pub async fn healthz() -> &'static str {
+#[utoipa::path(get, path = "/healthz", operation_id = "healthz", tag = "operations", responses((status = 200, description = "Alive", body = String, content_type = "text/plain")))]
+pub(super) async fn healthz() -> &'static str {
     "ok\n"
 }
 
 /// Readiness: store and blobs answer, the disk has room, and no shut-down has begun.
-#[utoipa::path(get, path = "/readyz", tag = "operations", responses((status = 200, description = "Ready", body = String, content_type = "text/plain")))]
-pub async fn readyz(State(app): State<App>) -> Answer<&'static str> {
+#[utoipa::path(get, path = "/readyz", operation_id = "readyz", tag = "operations", responses((status = 200, description = "Ready", body = String, content_type = "text/plain")))]
+pub(super) async fn readyz(State(app): State<App>) -> Answer<&'static str> {
     if app.closing.is_cancelled() {
         return Err(Failure::new(Kind::NotReady, "the service is shutting down"));
     }

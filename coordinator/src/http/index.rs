@@ -10,8 +10,8 @@ use axum::response::Html;
 use std::fmt::Write as _;
 
 /// What is here.
-#[utoipa::path(get, path = "/", tag = "pages", responses((status = 200, description = "An overview", body = String, content_type = "text/html")))]
-pub async fn index() -> Html<String> {
+#[utoipa::path(get, path = "/", operation_id = "index", tag = "pages", responses((status = 200, description = "An overview", body = String, content_type = "text/html")))]
+pub(super) async fn index() -> Html<String> {
     let mut rows = String::new();
     for (link, what) in [
         ("/openapi.json", "the API, as OpenAPI 3.1"),
@@ -36,9 +36,9 @@ fn problem_links() -> String {
 }
 
 /// What a kind of problem means and what to do about it.
-#[utoipa::path(get, path = "/problems/{slug}", tag = "pages", params(("slug" = String, Path, description = "Last segment of a problem's `type`")),
+#[utoipa::path(get, path = "/problems/{slug}", operation_id = "problemPage", tag = "pages", params(("slug" = String, Path, description = "Last segment of a problem's `type`")),
     responses((status = 200, description = "The page", body = String, content_type = "text/html")))]
-pub async fn problem_page(Path(slug): Path<String>) -> Answer<Html<String>> {
+pub(super) async fn problem_page(Path(slug): Path<String>) -> Answer<Html<String>> {
     let kind = Kind::from_slug(&slug).ok_or_else(|| Failure::new(Kind::NotFound, "there is no problem of that name"))?;
     let entry = kind.entry();
     let body = format!(

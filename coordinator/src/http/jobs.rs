@@ -27,7 +27,7 @@ use utoipa::IntoParams;
 #[derive(Debug, Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
-pub struct CreateQuery {
+pub(super) struct CreateQuery {
     /// Answer what the job would cost, and create nothing.
     #[serde(default)]
     pub dry_run: bool,
@@ -36,11 +36,11 @@ pub struct CreateQuery {
 /// Submit a job.
 ///
 /// The scene may still be importing, except for `dry_run`, which answers texels, tiles, bytes and the time to expect.
-#[utoipa::path(post, path = "/v1/jobs", tag = "jobs", params(CreateQuery), request_body = NewJob,
+#[utoipa::path(post, path = "/v1/jobs", operation_id = "createJob", tag = "jobs", params(CreateQuery), request_body = NewJob,
     responses(
         (status = 201, description = "Created", body = JobRecord, headers(("location" = String, description = "The job"))),
         (status = 200, description = "With `dry_run`: what it would cost", body = Estimate)))]
-pub async fn create(State(app): State<App>, Query(query): Query<CreateQuery>, JsonBody(new): JsonBody<NewJob>) -> Answer<Response> {
+pub(super) async fn create(State(app): State<App>, Query(query): Query<CreateQuery>, JsonBody(new): JsonBody<NewJob>) -> Answer<Response> {
     check(&new.settings)?;
     if query.dry_run {
         return Ok(Json(app.engine.estimate(&new).await?).into_response());
@@ -51,7 +51,7 @@ pub async fn create(State(app): State<App>, Query(query): Query<CreateQuery>, Js
 
 /// Where a job is.
 #[must_use]
-pub fn location(job: JobId) -> String {
+pub(super) fn location(job: JobId) -> String {
     format!("/v1/jobs/{job}")
 }
 
@@ -59,7 +59,7 @@ pub fn location(job: JobId) -> String {
 ///
 /// # Errors
 /// The first field out of its range.
-pub fn check(settings: &SettingsPatch) -> Answer<()> {
+pub(super) fn check(settings: &SettingsPatch) -> Answer<()> {
     let wrong = |bad: BadSetting| Failure::new(Kind::InvalidSettings, bad.to_string()).field(bad.field);
     settings.resolve().map(drop).map_err(wrong)
 }
@@ -68,7 +68,7 @@ pub fn check(settings: &SettingsPatch) -> Answer<()> {
 #[derive(Debug, Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
-pub struct ListQuery {
+pub(super) struct ListQuery {
     /// Only jobs in this state.
     #[param(inline)]
     pub state: Option<JobState>,
@@ -85,9 +85,9 @@ pub struct ListQuery {
 }
 
 /// Jobs, youngest first.
-#[utoipa::path(get, path = "/v1/jobs", tag = "jobs", params(ListQuery),
+#[utoipa::path(get, path = "/v1/jobs", operation_id = "listJobs", tag = "jobs", params(ListQuery),
     responses((status = 200, description = "A page of jobs", body = JobPage)))]
-pub async fn list(State(app): State<App>, Query(query): Query<ListQuery>) -> Answer<Json<JobPage>> {
+pub(super) async fn list(State(app): State<App>, Query(query): Query<ListQuery>) -> Answer<Json<JobPage>> {
     let label = query.label.as_deref().map(split_label).transpose()?;
     let filter = JobFilter { state: query.state, label, cursor: query.cursor, limit: query.limit };
     Ok(Json(app.engine.jobs(&filter).await?))
@@ -101,23 +101,23 @@ fn split_label(text: &str) -> Answer<(String, String)> {
 }
 
 /// A job: state, phase, progress, and why nothing happens where nothing does.
-#[utoipa::path(get, path = "/v1/jobs/{id}", tag = "jobs", params(("id" = String, Path, description = "The job's id")),
+#[utoipa::path(get, path = "/v1/jobs/{id}", operation_id = "getJob", tag = "jobs", params(("id" = String, Path, description = "The job's id")),
     responses((status = 200, description = "The job", body = JobRecord)))]
-pub async fn get(State(app): State<App>, JobInPath(job): JobInPath) -> Answer<Json<JobRecord>> {
+pub(super) async fn get(State(app): State<App>, JobInPath(job): JobInPath) -> Answer<Json<JobRecord>> {
     Ok(Json(app.engine.job(job).await?))
 }
 
 /// Cancel a job. One that has ended is left as it is.
-#[utoipa::path(post, path = "/v1/jobs/{id}/cancel", tag = "jobs", params(("id" = String, Path, description = "The job's id")),
+#[utoipa::path(post, path = "/v1/jobs/{id}/cancel", operation_id = "cancelJob", tag = "jobs", params(("id" = String, Path, description = "The job's id")),
     responses((status = 200, description = "The job as it is now", body = JobRecord)))]
-pub async fn cancel(State(app): State<App>, JobInPath(job): JobInPath) -> Answer<Json<JobRecord>> {
+pub(super) async fn cancel(State(app): State<App>, JobInPath(job): JobInPath) -> Answer<Json<JobRecord>> {
     Ok(Json(app.engine.cancel_job(job).await?))
 }
 
 /// Cancel a job and remove every trace of it, its package included.
-#[utoipa::path(delete, path = "/v1/jobs/{id}", tag = "jobs", params(("id" = String, Path, description = "The job's id")),
+#[utoipa::path(delete, path = "/v1/jobs/{id}", operation_id = "deleteJob", tag = "jobs", params(("id" = String, Path, description = "The job's id")),
     responses((status = 204, description = "Gone")))]
-pub async fn delete(State(app): State<App>, JobInPath(job): JobInPath) -> Answer<StatusCode> {
+pub(super) async fn delete(State(app): State<App>, JobInPath(job): JobInPath) -> Answer<StatusCode> {
     app.engine.delete_job(job).await?;
     Ok(StatusCode::NO_CONTENT)
 }

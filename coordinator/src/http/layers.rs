@@ -31,14 +31,17 @@ const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
 /// Headers that every response carries. Nothing here is ever framed, sniffed or allowed to load anything.
 const SECURITY: [(HeaderName, HeaderValue); 5] = [
     (header::X_CONTENT_TYPE_OPTIONS, HeaderValue::from_static("nosniff")),
-    (header::CONTENT_SECURITY_POLICY, HeaderValue::from_static("default-src 'none'; frame-ancestors 'none'; base-uri 'none'; form-action 'none'")),
+    (
+        header::CONTENT_SECURITY_POLICY,
+        HeaderValue::from_static("default-src 'none'; frame-ancestors 'none'; base-uri 'none'; form-action 'none'"),
+    ),
     (header::REFERRER_POLICY, HeaderValue::from_static("no-referrer")),
     (header::X_FRAME_OPTIONS, HeaderValue::from_static("DENY")),
     (HeaderName::from_static("cross-origin-resource-policy"), HeaderValue::from_static("same-origin")),
 ];
 
 /// The outermost layer: id, span, figures, headers.
-pub async fn observe(State(app): State<App>, request: Request, next: Next) -> Response {
+pub(super) async fn observe(State(app): State<App>, request: Request, next: Next) -> Response {
     let began = Instant::now();
     let id = Uuid::now_v7();
     let method = request.method().clone();
@@ -62,7 +65,7 @@ pub async fn observe(State(app): State<App>, request: Request, next: Next) -> Re
 }
 
 /// Refuses foreign names and foreign pages.
-pub async fn guard(State(app): State<App>, request: Request, next: Next) -> Response {
+pub(super) async fn guard(State(app): State<App>, request: Request, next: Next) -> Response {
     match admit(app.hosts, request.uri(), request.headers()) {
         Ok(()) => next.run(request).await,
         Err(failure) => failure.into_response(),
@@ -74,7 +77,9 @@ fn admit(policy: HostPolicy, uri: &Uri, headers: &HeaderMap) -> Result<(), Failu
         return Ok(());
     }
     // HTTP/2 carries the name in the URI. A request without any cannot come from a browser.
-    for host in uri.authority().map(Authority::as_str).into_iter().map(Some).chain(headers.get_all(header::HOST).iter().map(|h| h.to_str().ok())) {
+    for host in
+        uri.authority().map(Authority::as_str).into_iter().map(Some).chain(headers.get_all(header::HOST).iter().map(|h| h.to_str().ok()))
+    {
         if !host.is_some_and(is_loopback) {
             let shown = host.unwrap_or("unreadable").escape_debug().to_string();
             return Err(Failure::new(Kind::ForeignHost, format!("the request is for the host `{shown}`, which is not a loopback name")));
@@ -103,7 +108,7 @@ fn is_loopback(host: &str) -> bool {
 
 /// A handler has panicked: a fault of ours, logged, that must not cost anyone else their answer.
 #[allow(clippy::needless_pass_by_value)] // The shape that the layer calls.
-pub fn panicked(panic: Box<dyn Any + Send>) -> Response {
+pub(super) fn panicked(panic: Box<dyn Any + Send>) -> Response {
     let words = panic.downcast_ref::<String>().map(String::as_str).or_else(|| panic.downcast_ref::<&str>().copied());
     let failure = Failure::internal(format!("a handler panicked: {}", words.unwrap_or("without words")));
     tracing::error!(error = chain(&failure), "panic");
@@ -124,7 +129,9 @@ mod tests {
         for host in ["localhost", "LOCALHOST:80", "127.0.0.1:8080", "127.8.9.1", "[::1]:1", "[::1]"] {
             assert_eq!(kind("/", &[(header::HOST, host)]), None, "{host}");
         }
-        for host in ["evil.example", "localhost.evil.example", "127.0.0.1.evil.example:8080", "10.0.0.1", "user@localhost", "", "[::2]", "a b"] {
+        for host in
+            ["evil.example", "localhost.evil.example", "127.0.0.1.evil.example:8080", "10.0.0.1", "user@localhost", "", "[::2]", "a b"]
+        {
             assert_eq!(kind("/", &[(header::HOST, host)]), Some(Kind::ForeignHost), "{host}");
         }
         assert_eq!(kind("http://evil.example/", &[]), Some(Kind::ForeignHost));

@@ -18,7 +18,7 @@ use std::time::Duration;
 const SECONDS: &[f64] = &[0.001, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 5.0, 10.0, 30.0, 60.0];
 
 /// The registry of one server.
-pub struct Metrics {
+pub(super) struct Metrics {
     recorder: PrometheusRecorder,
     handle: PrometheusHandle,
 }
@@ -59,7 +59,7 @@ fn describe() {
 
 impl Metrics {
     /// Counts a request. `route` is the pattern it matched, never the path itself, so that the number of series is bounded.
-    pub fn request(&self, route: &str, method: &Method, status: StatusCode, took: Duration) {
+    pub(super) fn request(&self, route: &str, method: &Method, status: StatusCode, took: Duration) {
         let method = match method.as_str() {
             name @ ("GET" | "HEAD" | "POST" | "PUT" | "PATCH" | "DELETE" | "OPTIONS") => name.to_owned(),
             _ => "other".to_owned(),
@@ -72,18 +72,18 @@ impl Metrics {
     }
 
     /// Counts a frame that was refused.
-    pub fn frame_refused(&self) {
+    pub(super) fn frame_refused(&self) {
         with_local_recorder(&self.recorder, || counter!("kiln_frames_refused_total").increment(1));
     }
 
     /// Folds recorded samples into buckets. Without it they pile up until somebody scrapes.
-    pub fn upkeep(&self) {
+    pub(super) fn upkeep(&self) {
         self.handle.run_upkeep();
     }
 
     /// Everything as Prometheus text, with the engine's figures of this moment.
     #[must_use]
-    pub fn text(&self, figures: &Statistics) -> String {
+    pub(super) fn text(&self, figures: &Statistics) -> String {
         with_local_recorder(&self.recorder, || record(figures));
         self.handle.render()
     }
@@ -121,8 +121,8 @@ fn record(figures: &Statistics) {
 }
 
 /// Figures in Prometheus' text format.
-#[utoipa::path(get, path = "/metrics", tag = "operations", responses((status = 200, description = "Metrics", body = String, content_type = "text/plain")))]
-pub async fn render(State(app): State<App>) -> Answer<([(HeaderName, &'static str); 1], String)> {
+#[utoipa::path(get, path = "/metrics", operation_id = "metrics", tag = "operations", responses((status = 200, description = "Metrics", body = String, content_type = "text/plain")))]
+pub(super) async fn render(State(app): State<App>) -> Answer<([(HeaderName, &'static str); 1], String)> {
     let figures = app.engine.statistics().await?;
     Ok(([(header::CONTENT_TYPE, "text/plain; version=0.0.4; charset=utf-8")], app.metrics.text(&figures)))
 }

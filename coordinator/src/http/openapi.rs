@@ -48,8 +48,8 @@ pub fn openapi() -> &'static Value {
 }
 
 /// This document.
-#[utoipa::path(get, path = "/openapi.json", tag = "pages", responses((status = 200, description = "OpenAPI 3.1", body = Object)))]
-pub async fn document() -> Json<&'static Value> {
+#[utoipa::path(get, path = "/openapi.json", operation_id = "openapi", tag = "pages", responses((status = 200, description = "OpenAPI 3.1", body = Object)))]
+pub(super) async fn document() -> Json<&'static Value> {
     Json(openapi())
 }
 
@@ -63,12 +63,13 @@ fn complete(derived: &utoipa::openapi::OpenApi, routes: &[Route]) -> Value {
     schemas["NewJob"]["additionalProperties"] = false.into();
     schemas["NewJob"]["examples"] = json!([{"scene": "0".repeat(64), "settings": {"preset": "draft"}, "labels": {"project": "atrium"}}]);
     schemas["JobRecord"]["properties"]["settings"] = reference("BakeSettings");
-    let run = json!({"type": "object", "description": "The tiles from `start` to before `end`.", "required": ["start", "end"],
+    schemas["TileRun"] = json!({"type": "object", "description": "The tiles from `start` to before `end`.", "required": ["start", "end"],
         "properties": {"start": {"type": "integer", "minimum": 0}, "end": {"type": "integer", "minimum": 0}}});
-    schemas["TileRun"] = run;
-    for owner in ["DoneTiles", "Snapshot"] {
-        schemas[owner]["properties"]["runs"]["items"] = reference("TileRun");
+    schemas["UnixMillis"] = json!({"type": "integer", "format": "int64", "description": "Milliseconds since 1970-01-01 UTC."});
+    if let Some(schemas) = schemas.as_object_mut() {
+        schemas.remove("i64");
     }
+    name_shared_types(&mut document);
     describe_uploads(&mut document);
     describe_bytes(&mut document["paths"]);
     for route in routes {
@@ -79,6 +80,25 @@ fn complete(derived: &utoipa::openapi::OpenApi, routes: &[Route]) -> Value {
 
 fn reference(schema: &str) -> Value {
     json!({"$ref": format!("#/components/schemas/{schema}")})
+}
+
+/// Types of `proto`, and the alias of a plain number, that the derive saw only as what they are made of.
+fn name_shared_types(value: &mut Value) {
+    match value {
+        Value::Object(fields) => {
+            for (name, field) in fields.iter_mut() {
+                match name.as_str() {
+                    "$ref" if field == "#/components/schemas/i64" => *field = "#/components/schemas/UnixMillis".into(),
+                    "runs" if field["type"] == "array" => field["items"] = reference("TileRun"),
+                    "phase" if field["type"] == "string" => field["enum"] = json!(["probe", "bake"]),
+                    "phase" if field["type"].is_array() => field["enum"] = json!(["probe", "bake", null]),
+                    _ => name_shared_types(field),
+                }
+            }
+        }
+        Value::Array(items) => items.iter_mut().for_each(name_shared_types),
+        _ => {}
+    }
 }
 
 /// One part per file, and for bakes the settings.
@@ -94,8 +114,7 @@ fn describe_uploads(document: &mut Value) {
 
 /// OpenAPI 3.1 describes plain bytes by a media type without a schema.
 fn describe_bytes(value: &mut Value) {
-    const BYTES: &[&str] =
-        &["application/octet-stream", "application/zip", "application/zstd", "model/obj", worker_protocol::FRAME];
+    const BYTES: &[&str] = &["application/octet-stream", "application/zip", "application/zstd", "model/obj", worker_protocol::FRAME];
     match value {
         Value::Object(fields) => {
             for (name, field) in fields.iter_mut() {
@@ -124,7 +143,8 @@ fn add_problems(responses: &mut Value, route: &Route) {
             continue; // The worker protocol answers with a frame here.
         }
         let titles: Vec<String> = kinds.iter().map(|kind| format!("{} (`{}`)", kind.entry().title, kind.uri())).collect();
-        let examples: Value = kinds.iter().map(|kind| (kind.entry().slug.to_owned(), example(*kind))).collect::<serde_json::Map<_, _>>().into();
+        let examples: Value =
+            kinds.iter().map(|kind| (kind.entry().slug.to_owned(), example(*kind))).collect::<serde_json::Map<_, _>>().into();
         let content = json!({"application/problem+json": {"schema": reference("ProblemDetails"), "examples": examples}});
         responses[&status] = json!({"description": titles.join("; "), "content": content});
     }
@@ -152,10 +172,24 @@ mod tests {
     }
 
     #[test]
+    fn operations_have_names_of_their_own() {
+        let operations = openapi()["paths"].as_object().unwrap().values().flat_map(|item| item.as_object().unwrap().values());
+        let names: Vec<&str> = operations.filter_map(|operation| operation["operationId"].as_str()).collect();
+        assert_eq!(names.iter().collect::<BTreeSet<_>>().len(), names.len());
+        assert_eq!(names.len(), Routes::all().list.len());
+    }
+
+    #[test]
     fn every_parameter_of_a_path_is_documented() {
         for route in Routes::all().list {
             let operation = &openapi()["paths"][route.documented_path()][route.verb.name()];
-            let named: BTreeSet<&str> = operation["parameters"].as_array().into_iter().flatten().filter(|p| p["in"] == "path").map(|p| p["name"].as_str().unwrap()).collect();
+            let named: BTreeSet<&str> = operation["parameters"]
+                .as_array()
+                .into_iter()
+                .flatten()
+                .filter(|p| p["in"] == "path")
+                .map(|p| p["name"].as_str().unwrap())
+                .collect();
             let path = route.documented_path();
             let needed: BTreeSet<&str> = path.split('/').filter_map(|part| part.strip_prefix('{')?.strip_suffix('}')).collect();
             assert_eq!(named, needed, "{path}");

@@ -17,7 +17,7 @@ use utoipa::ToSchema;
 /// A problem as clients read it.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, ToSchema)]
 #[schema(example = json!({"type": "/problems/unknown-job", "title": "There is no such job", "status": 404, "detail": "there is no job 0198…"}))]
-pub struct ProblemDetails {
+pub(super) struct ProblemDetails {
     /// The kind of problem; the URI leads to its page on this server.
     #[serde(rename = "type")]
     #[schema(example = "/problems/scene-rejected")]
@@ -49,7 +49,7 @@ pub struct ProblemDetails {
 /// Why a request was not fulfilled.
 #[derive(Debug, thiserror::Error)]
 #[error("{}: {}", .0.kind.entry().slug, .0.detail)]
-pub struct Failure(#[source] Box<Inner>);
+pub(super) struct Failure(#[source] Box<Inner>);
 
 #[derive(Debug, thiserror::Error)]
 #[error("{detail}")]
@@ -65,12 +65,12 @@ struct Inner {
 }
 
 /// What handlers answer.
-pub type Answer<T> = Result<T, Failure>;
+pub(super) type Answer<T> = Result<T, Failure>;
 
 impl Failure {
     /// A problem of the given kind; `detail` is one sentence about this occurrence.
     #[must_use]
-    pub fn new(kind: Kind, detail: impl Into<String>) -> Self {
+    pub(super) fn new(kind: Kind, detail: impl Into<String>) -> Self {
         let place = Problem { message: String::new(), file: None, line: None };
         let (column, field, problems, headers, source) = (None, None, vec![], vec![], None);
         Self(Box::new(Inner { kind, detail: detail.into(), place, column, field, problems, headers, source }))
@@ -78,7 +78,7 @@ impl Failure {
 
     /// A fault of ours: `error` and its sources go to the log, a general sentence to the client.
     #[must_use]
-    pub fn internal(error: impl Into<Box<dyn Error + Send + Sync>>) -> Self {
+    pub(super) fn internal(error: impl Into<Box<dyn Error + Send + Sync>>) -> Self {
         let mut failure = Self::new(Kind::Internal, "the request met a fault of the server; its log has the details");
         failure.0.source = Some(error.into());
         failure
@@ -86,7 +86,7 @@ impl Failure {
 
     /// A scene that was read and found unusable.
     #[must_use]
-    pub fn scene_rejected(problems: Vec<Problem>) -> Self {
+    pub(super) fn scene_rejected(problems: Vec<Problem>) -> Self {
         let first = problems.first().map_or_else(|| "no reason was given".to_owned(), ToString::to_string);
         let more = problems.len().saturating_sub(1);
         let mut failure = Self::new(Kind::SceneRejected, if more == 0 { first } else { format!("{first} (and {more} more)") });
@@ -99,7 +99,7 @@ impl Failure {
 
     /// JSON that is none, or not of the expected shape. `kind_of_data` is the kind where the text itself is well-formed.
     #[must_use]
-    pub fn json(error: &serde_json::Error, kind_of_data: Kind) -> Self {
+    pub(super) fn json(error: &serde_json::Error, kind_of_data: Kind) -> Self {
         let kind = if error.is_data() { kind_of_data } else { Kind::InvalidJson };
         let mut failure = Self::new(kind, error.to_string());
         failure.0.place.line = u32::try_from(error.line()).ok().filter(|line| *line > 0);
@@ -110,54 +110,54 @@ impl Failure {
 
     /// Lists every finding.
     #[must_use]
-    pub fn problems(mut self, problems: Vec<Problem>) -> Self {
+    pub(super) fn problems(mut self, problems: Vec<Problem>) -> Self {
         self.0.problems = problems;
         self
     }
 
     /// Names the field or parameter to blame.
     #[must_use]
-    pub fn field(mut self, field: impl Into<String>) -> Self {
+    pub(super) fn field(mut self, field: impl Into<String>) -> Self {
         self.0.field = Some(field.into());
         self
     }
 
     /// Names the uploaded file to blame.
     #[must_use]
-    pub fn file(mut self, file: impl Into<String>) -> Self {
+    pub(super) fn file(mut self, file: impl Into<String>) -> Self {
         self.0.place.file = Some(file.into());
         self
     }
 
     /// Adds a header to the response.
     #[must_use]
-    pub fn header(mut self, name: HeaderName, value: HeaderValue) -> Self {
+    pub(super) fn header(mut self, name: HeaderName, value: HeaderValue) -> Self {
         self.0.headers.push((name, value));
         self
     }
 
     /// Says when to try again, in seconds.
     #[must_use]
-    pub fn retry_after(self, seconds: u64) -> Self {
+    pub(super) fn retry_after(self, seconds: u64) -> Self {
         self.header(header::RETRY_AFTER, HeaderValue::from(seconds))
     }
 
     /// Keeps the cause for the log.
     #[must_use]
-    pub fn caused_by(mut self, source: impl Into<Box<dyn Error + Send + Sync>>) -> Self {
+    pub(super) fn caused_by(mut self, source: impl Into<Box<dyn Error + Send + Sync>>) -> Self {
         self.0.source = Some(source.into());
         self
     }
 
     /// The kind.
     #[must_use]
-    pub fn kind(&self) -> Kind {
+    pub(super) fn kind(&self) -> Kind {
         self.0.kind
     }
 
     /// The sentence about this occurrence.
     #[must_use]
-    pub fn detail(&self) -> &str {
+    pub(super) fn detail(&self) -> &str {
         &self.0.detail
     }
 }
@@ -171,7 +171,7 @@ fn quoted_field(message: &str) -> Option<String> {
 
 /// An error and its sources as one line.
 #[must_use]
-pub fn chain(error: &(dyn Error + 'static)) -> String {
+pub(super) fn chain(error: &(dyn Error + 'static)) -> String {
     let mut line = error.to_string();
     let mut next = error.source();
     while let Some(source) = next {

@@ -15,7 +15,7 @@ use axum::{
 /// The methods in use.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[allow(missing_docs)] // HTTP's own names.
-pub enum Verb {
+pub(super) enum Verb {
     Get,
     Post,
     Put,
@@ -25,7 +25,7 @@ pub enum Verb {
 impl Verb {
     /// As an OpenAPI path item names it.
     #[must_use]
-    pub fn name(self) -> &'static str {
+    pub(super) fn name(self) -> &'static str {
         match self {
             Verb::Get => "get",
             Verb::Post => "post",
@@ -46,7 +46,7 @@ impl Verb {
 
 /// One route.
 #[derive(Debug, Clone, Copy)]
-pub struct Route {
+pub(super) struct Route {
     /// The method; GET answers HEAD too.
     pub verb: Verb,
     /// The path in axum's notation.
@@ -58,14 +58,14 @@ pub struct Route {
 impl Route {
     /// The path in OpenAPI's notation, which knows no wildcards.
     #[must_use]
-    pub fn documented_path(&self) -> String {
+    pub(super) fn documented_path(&self) -> String {
         self.path.replace("{*", "{")
     }
 }
 
 /// Routes with their handlers.
 #[derive(Default)]
-pub struct Routes {
+pub(super) struct Routes {
     /// For serving.
     pub router: Router<App>,
     /// For telling.
@@ -85,14 +85,17 @@ impl Routes {
 
     /// Everything that is served.
     #[must_use]
-    pub fn all() -> Self {
+    pub(super) fn all() -> Self {
         Self::default().pages().scenes().jobs().packages().worker_protocol().operations()
     }
 
     fn pages(self) -> Self {
-        self.on(Verb::Get, "/", &[], index::index)
-            .on(Verb::Get, "/problems/{slug}", &[], index::problem_page)
-            .on(Verb::Get, "/openapi.json", &[], openapi::document)
+        self.on(Verb::Get, "/", &[], index::index).on(Verb::Get, "/problems/{slug}", &[], index::problem_page).on(
+            Verb::Get,
+            "/openapi.json",
+            &[],
+            openapi::document,
+        )
     }
 
     fn scenes(self) -> Self {
@@ -173,6 +176,5 @@ const NEW_JOB: &[Kind] = &[
     Kind::InvalidSettings,
     Kind::StorageFull,
 ];
-const FILE: &[Kind] =
-    &[Kind::UnknownJob, Kind::UnknownAsset, Kind::JobNotDone, Kind::PreconditionFailed, Kind::RangeNotSatisfiable];
+const FILE: &[Kind] = &[Kind::UnknownJob, Kind::UnknownAsset, Kind::JobNotDone, Kind::PreconditionFailed, Kind::RangeNotSatisfiable];
 const ARCHIVE: &[Kind] = &[Kind::UnknownJob, Kind::JobNotDone, Kind::PreconditionFailed];

@@ -21,13 +21,13 @@ use utoipa::IntoParams;
 use uuid::Uuid;
 
 /// How long an upload waits for its import before the answer is 202.
-pub const IMPORT_WAIT: Duration = Duration::from_secs(30);
+pub(super) const IMPORT_WAIT: Duration = Duration::from_secs(30);
 
 /// Query of an upload.
 #[derive(Debug, Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
-pub struct UploadQuery {
+pub(super) struct UploadQuery {
     /// Name of the file when the body is a single one, such as `room.obj`.
     pub name: Option<String>,
 }
@@ -36,13 +36,13 @@ pub struct UploadQuery {
 ///
 /// Either `multipart/form-data` with one part per file, whose `filename` is the path that the scene uses for it, or one file as the body: an
 /// OBJ, or a ZIP with everything that it refers to. The answer comes when the scene has been imported, or after 30 s as 202.
-#[utoipa::path(post, path = "/v1/scenes", tag = "scenes", params(UploadQuery),
+#[utoipa::path(post, path = "/v1/scenes", operation_id = "createScene", tag = "scenes", params(UploadQuery),
     request_body(description = "The files", content(
         (String = "multipart/form-data"), (String = "application/zip"), (String = "model/obj"), (String = "application/octet-stream"))),
     responses(
         (status = 201, description = "Imported", body = SceneRecord, headers(("location" = String, description = "The scene"))),
         (status = 202, description = "Still importing; ask again at Location", body = SceneRecord)))]
-pub async fn create(
+pub(super) async fn create(
     State(app): State<App>,
     Query(query): Query<UploadQuery>,
     request: Request,
@@ -57,7 +57,7 @@ pub async fn create(
 ///
 /// # Errors
 /// A rejected scene, with every problem found.
-pub async fn import(engine: &Engine, upload: Upload) -> Answer<SceneRecord> {
+pub(super) async fn import(engine: &Engine, upload: Upload) -> Answer<SceneRecord> {
     let rejected = |error| match error {
         EngineError::Invalid(problems) => Failure::scene_rejected(problems),
         other => other.into(),
@@ -68,10 +68,10 @@ pub async fn import(engine: &Engine, upload: Upload) -> Answer<SceneRecord> {
 }
 
 /// A scene, by the id of its upload or by its hash.
-#[utoipa::path(get, path = "/v1/scenes/{scene}", tag = "scenes",
+#[utoipa::path(get, path = "/v1/scenes/{scene}", operation_id = "getScene", tag = "scenes",
     params(("scene" = String, Path, description = "Id of the upload, or the scene's hash")),
     responses((status = 200, description = "The scene; a rejected one lists its problems", body = SceneRecord)))]
-pub async fn get(State(app): State<App>, Path(scene): Path<String>) -> Answer<Json<SceneRecord>> {
+pub(super) async fn get(State(app): State<App>, Path(scene): Path<String>) -> Answer<Json<SceneRecord>> {
     Ok(Json(app.engine.scene(&scene).await?))
 }
 
@@ -79,7 +79,7 @@ pub async fn get(State(app): State<App>, Path(scene): Path<String>) -> Answer<Js
 #[derive(Debug, Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
-pub struct ListQuery {
+pub(super) struct ListQuery {
     /// `next` of the page before.
     pub cursor: Option<Uuid>,
     /// At most this many; 100 unless given, and never more than 1,000.
@@ -89,8 +89,8 @@ pub struct ListQuery {
 }
 
 /// Uploaded scenes, youngest first.
-#[utoipa::path(get, path = "/v1/scenes", tag = "scenes", params(ListQuery),
+#[utoipa::path(get, path = "/v1/scenes", operation_id = "listScenes", tag = "scenes", params(ListQuery),
     responses((status = 200, description = "A page of scenes", body = ScenePage)))]
-pub async fn list(State(app): State<App>, Query(query): Query<ListQuery>) -> Answer<Json<ScenePage>> {
+pub(super) async fn list(State(app): State<App>, Query(query): Query<ListQuery>) -> Answer<Json<ScenePage>> {
     Ok(Json(app.engine.scenes(query.cursor, query.limit).await?))
 }

@@ -19,9 +19,21 @@ fn patch_fields() -> Vec<(&'static str, Value, &'static str)> {
             "Where defaults come from. `draft`: 64 samples, depth 3, half the texel density (seconds); `preview`: 256 samples, depth 5 (minutes); \
              `production`: 1,024 samples, depth 8 (as long as it takes).",
         ),
-        ("samples", whole(1, limits::SAMPLES.into()), "Shared incident samples per texel; a quarter as many light samples are added. Default: the preset's."),
-        ("max_depth", whole(1, limits::MAX_DEPTH.into()), "Longest path: 1 is emission, 2 direct light, k adds k - 2 bounces. Default: the preset's."),
-        ("directions", text("^[0-9]+x[0-9]+$", "20x20", "20x20"), "Direction grid, INCLINATIONSxAZIMUTHS, each from 1 to 64, azimuths even."),
+        (
+            "samples",
+            whole(1, limits::SAMPLES.into()),
+            "Shared incident samples per texel; a quarter as many light samples are added. Default: the preset's.",
+        ),
+        (
+            "max_depth",
+            whole(1, limits::MAX_DEPTH.into()),
+            "Longest path: 1 is emission, 2 direct light, k adds k - 2 bounces. Default: the preset's.",
+        ),
+        (
+            "directions",
+            text("^[0-9]+x[0-9]+$", "20x20", "20x20"),
+            "Direction grid, INCLINATIONSxAZIMUTHS, each from 1 to 64, azimuths even.",
+        ),
         ("footprint", words(&["area", "point"]), "Where on a texel light is gathered: over the covered part, or at its centre alone."),
         (
             "texel_scale",
@@ -46,17 +58,37 @@ fn patch_fields() -> Vec<(&'static str, Value, &'static str)> {
             "How `pwl` picks the samples it keeps: `thesis` bounds the change of slope, `cumulative` a segment's summed error, `bounded` each \
              sample's error.",
         ),
-        ("eps", json!({"type": "integer", "minimum": 0, "maximum": 255, "default": 2}), "With the rule `bounded`: the largest error, in 8-bit levels."),
-        ("threshold", json!({"type": "integer", "minimum": 0, "maximum": 765, "default": 6}), "With the rules `thesis` and `cumulative`: T."),
+        (
+            "eps",
+            json!({"type": "integer", "minimum": 0, "maximum": 255, "default": 2}),
+            "With the rule `bounded`: the largest error, in 8-bit levels.",
+        ),
+        (
+            "threshold",
+            json!({"type": "integer", "minimum": 0, "maximum": 765, "default": 6}),
+            "With the rules `thesis` and `cumulative`: T.",
+        ),
         (
             "exposure",
             json!({"oneOf": [{"type": "string", "const": "auto"}, {"type": "number", "minimum": -64, "maximum": 64}], "default": "auto"}),
             "Exposure of the 8-bit coding: `auto` (98th percentile of the probed radiance becomes 1) or stops, rounded to 1/8.",
         ),
-        ("walk", words(&["auto", "theta", "phi"]), "Order in which `pwl` walks the directions; `auto` takes the smoother for each surface."),
+        (
+            "walk",
+            words(&["auto", "theta", "phi"]),
+            "Order in which `pwl` walks the directions; `auto` takes the smoother for each surface.",
+        ),
         ("seed", json!({"type": "integer", "minimum": 0, "default": 0}), "Seed of every sample sequence."),
-        ("raw", json!({"type": ["string", "null"], "enum": ["u8", "f32", null], "default": null}), "Uncompressed radiance to keep beside the compressed files."),
-        ("frame", words(&["texture", "thesis"]), "How frames are oriented: the tangent follows the texture, or the thesis's rotation of +Y."),
+        (
+            "raw",
+            json!({"type": ["string", "null"], "enum": ["u8", "f32", null], "default": null}),
+            "Uncompressed radiance to keep beside the compressed files.",
+        ),
+        (
+            "frame",
+            words(&["texture", "thesis"]),
+            "How frames are oriented: the tangent follows the texture, or the thesis's rotation of +Y.",
+        ),
     ]
 }
 
@@ -76,16 +108,20 @@ fn object(fields: Vec<(&'static str, Value, &'static str)>, description: &str, r
 
 /// What a request may say: every field optional.
 #[must_use]
-pub fn settings_patch() -> Value {
-    let mut schema =
-        object(patch_fields(), "Settings that differ from the preset's. Every field is optional; unknown fields are refused by name.", false);
-    schema["examples"] = json!([{"preset": "draft"}, {"preset": "production", "rule": "bounded", "eps": 1, "texture_sizes": {"floor": "200x100"}}]);
+pub(super) fn settings_patch() -> Value {
+    let mut schema = object(
+        patch_fields(),
+        "Settings that differ from the preset's. Every field is optional; unknown fields are refused by name.",
+        false,
+    );
+    schema["examples"] =
+        json!([{"preset": "draft"}, {"preset": "production", "rule": "bounded", "eps": 1, "texture_sizes": {"floor": "200x100"}}]);
     schema
 }
 
 /// Settings with every value decided.
 #[must_use]
-pub fn bake_settings() -> Value {
+pub(super) fn bake_settings() -> Value {
     let rule = json!({"oneOf": [
         {"type": "object", "required": ["rule", "threshold"], "properties": {
             "rule": {"type": "string", "enum": ["thesis", "cumulative"]}, "threshold": {"type": "integer", "minimum": 0, "maximum": 765}}},

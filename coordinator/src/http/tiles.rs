@@ -21,7 +21,7 @@ const QUERY_RUNS: usize = 1_000;
 #[derive(Debug, Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
-pub struct TilesQuery {
+pub(super) struct TilesQuery {
     /// Only tiles in these runs, `FIRST-LAST` or `TILE`, with commas between them.
     #[param(example = "0-99,200")]
     pub runs: Option<String>,
@@ -41,10 +41,10 @@ pub struct DoneTiles {
 }
 
 /// Tiles that are done so far.
-#[utoipa::path(get, path = "/v1/jobs/{id}/tiles", tag = "jobs",
+#[utoipa::path(get, path = "/v1/jobs/{id}/tiles", operation_id = "doneTiles", tag = "jobs",
     params(("id" = String, Path, description = "The job's id"), TilesQuery),
     responses((status = 200, description = "The tiles", body = DoneTiles)))]
-pub async fn get(State(app): State<App>, JobInPath(job): JobInPath, Query(query): Query<TilesQuery>) -> Answer<Json<DoneTiles>> {
+pub(super) async fn get(State(app): State<App>, JobInPath(job): JobInPath, Query(query): Query<TilesQuery>) -> Answer<Json<DoneTiles>> {
     let asked = query.runs.as_deref().map(parse).transpose()?;
     let (phase, done) = app.engine.done_tiles(job).await?;
     let done = match asked {

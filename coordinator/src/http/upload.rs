@@ -27,7 +27,7 @@ const SCENE_MEDIA: &[&str] = &[
 
 /// An upload that has arrived whole. Its files are removed when it is dropped before the engine has taken them.
 #[derive(Debug)]
-pub struct Upload {
+pub(super) struct Upload {
     files: Vec<(String, TempPath)>,
     /// The JSON of the part `settings`, where there is one.
     pub settings: Option<Vec<u8>>,
@@ -38,7 +38,7 @@ impl Upload {
     ///
     /// # Errors
     /// A body that is cut, stalls, is too large, has no file with content, or names files outside its folder; a full disk.
-    pub async fn receive(engine: &Engine, request: Request, name: Option<&str>) -> Answer<Self> {
+    pub(super) async fn receive(engine: &Engine, request: Request, name: Option<&str>) -> Answer<Self> {
         body::within(request.body(), limits::BUNDLE_BYTES + JSON_BYTES)?;
         if media_type(request.headers()).is_some_and(|media| media.starts_with("multipart/")) {
             Self::parts(engine, request).await
@@ -48,7 +48,7 @@ impl Upload {
     }
 
     /// Hands the files to `take`, which moves them; whatever it leaves is removed.
-    pub async fn give<T, F: Future<Output = T>>(self, take: impl FnOnce(Vec<UploadedFile>) -> F) -> T {
+    pub(super) async fn give<T, F: Future<Output = T>>(self, take: impl FnOnce(Vec<UploadedFile>) -> F) -> T {
         let files = self.files.iter().map(|(name, path)| UploadedFile { name: name.clone(), path: path.to_path_buf() }).collect();
         take(files).await
     }
@@ -58,7 +58,8 @@ impl Upload {
         let name = name.map(str::to_owned).or_else(|| disposition_name(request.headers()));
         if name.is_none() && !media.as_deref().is_none_or(|media| SCENE_MEDIA.contains(&media)) {
             let found = media.unwrap_or_default();
-            let takes = "multipart/form-data, or one file as application/zip, model/obj or application/octet-stream, or any type with ?name=";
+            let takes =
+                "multipart/form-data, or one file as application/zip, model/obj or application/octet-stream, or any type with ?name=";
             return Err(Failure::new(Kind::UnsupportedMediaType, format!("Content-Type says {found}; this call takes {takes}")));
         }
         name.as_deref().map_or(Ok(()), check_name)?;

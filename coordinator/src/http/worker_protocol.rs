@@ -30,7 +30,7 @@ use serde::Deserialize;
 use std::str::FromStr;
 
 /// The media type of a frame.
-pub const FRAME: &str = "application/vnd.kiln.frame";
+pub(super) const FRAME: &str = "application/vnd.kiln.frame";
 /// Bytes of a request's frame: names and numbers, and the text of a failure.
 const MESSAGE_BYTES: u64 = 1 << 20;
 /// What a worker that meets a passing difficulty should wait.
@@ -38,7 +38,7 @@ const LATER: Refusal = Refusal::Busy { retry_after_ms: 2_000 };
 
 /// A refusal with the status that fits.
 #[derive(Debug)]
-pub struct Refused(StatusCode, Refusal);
+pub(super) struct Refused(StatusCode, Refusal);
 
 type Reply = Result<Response, Refused>;
 
@@ -119,22 +119,22 @@ fn token(text: &str) -> Result<Token, Refused> {
 }
 
 /// A worker introduces itself.
-#[utoipa::path(post, path = "/v1/worker/hello", tag = "worker", request_body(content = String, content_type = FRAME, description = "Hello"),
+#[utoipa::path(post, path = "/v1/worker/hello", operation_id = "workerHello", tag = "worker", request_body(content = String, content_type = FRAME, description = "Hello"),
     responses((status = 200, description = "Welcome", body = String, content_type = FRAME),
         (status = 426, description = "Refusal: another protocol or bake version", body = String, content_type = FRAME)))]
-pub async fn hello(State(app): State<App>, request: Request) -> Reply {
+pub(super) async fn hello(State(app): State<App>, request: Request) -> Reply {
     let hello: Hello = message(&app, request.into_body()).await?;
     let welcome: Welcome = app.engine.hello(&hello).await?;
     reply(&welcome)
 }
 
 /// A worker asks for work and waits for it.
-#[utoipa::path(post, path = "/v1/worker/leases", tag = "worker",
+#[utoipa::path(post, path = "/v1/worker/leases", operation_id = "workerLease", tag = "worker",
     request_body(content = String, content_type = FRAME, description = "LeaseRequest"),
     responses((status = 200, description = "LeaseGrant", body = String, content_type = FRAME),
         (status = 204, description = "No work within the time that the worker is willing to wait"),
         (status = 404, description = "Refusal: unknown worker", body = String, content_type = FRAME)))]
-pub async fn lease(State(app): State<App>, request: Request) -> Reply {
+pub(super) async fn lease(State(app): State<App>, request: Request) -> Reply {
     let request: LeaseRequest = message(&app, request.into_body()).await?;
     let grant: Option<LeaseGrant> = tokio::select! {
         grant = app.engine.lease(&request) => grant?,
@@ -147,17 +147,17 @@ pub async fn lease(State(app): State<App>, request: Request) -> Reply {
 }
 
 /// A canonical scene, one zstd frame.
-#[utoipa::path(get, path = "/v1/worker/scenes/{hash}", tag = "worker", params(("hash" = String, Path, description = "The scene's hash")),
+#[utoipa::path(get, path = "/v1/worker/scenes/{hash}", operation_id = "workerScene", tag = "worker", params(("hash" = String, Path, description = "The scene's hash")),
     responses((status = 200, description = "The scene", body = String, content_type = "application/zstd")))]
-pub async fn scene(State(app): State<App>, Path(hash): Path<String>) -> Reply {
+pub(super) async fn scene(State(app): State<App>, Path(hash): Path<String>) -> Reply {
     let hash: SceneHash = name(&hash)?;
     blob(app.engine.scene_bytes(hash).await?, &hash.to_string())
 }
 
 /// A plan, one zstd frame.
-#[utoipa::path(get, path = "/v1/worker/plans/{digest}", tag = "worker", params(("digest" = String, Path, description = "The plan's digest")),
+#[utoipa::path(get, path = "/v1/worker/plans/{digest}", operation_id = "workerPlan", tag = "worker", params(("digest" = String, Path, description = "The plan's digest")),
     responses((status = 200, description = "The plan", body = String, content_type = "application/zstd")))]
-pub async fn plan(State(app): State<App>, Path(digest): Path<String>) -> Reply {
+pub(super) async fn plan(State(app): State<App>, Path(digest): Path<String>) -> Reply {
     let digest: Digest = name(&digest)?;
     blob(app.engine.plan_bytes(digest).await?, &digest.to_string())
 }
@@ -174,19 +174,19 @@ fn blob(download: Download, digest: &str) -> Reply {
 
 /// Which chunk of which attempt.
 #[derive(Debug, Deserialize)]
-pub struct ChunkPath {
+pub(super) struct ChunkPath {
     token: String,
     n: u64,
 }
 
 /// A chunk of finished segments.
-#[utoipa::path(put, path = "/v1/worker/attempts/{token}/chunks/{n}", tag = "worker",
+#[utoipa::path(put, path = "/v1/worker/attempts/{token}/chunks/{n}", operation_id = "workerChunk", tag = "worker",
     params(("token" = String, Path, description = "The attempt's token"), ("n" = u64, Path, description = "The chunk's number")),
     request_body(content = String, content_type = "application/octet-stream", description = "Segments, trailer frame, its length"),
     responses((status = 200, description = "ChunkVerdict", body = String, content_type = FRAME),
         (status = 410, description = "Refusal: the attempt may not deliver", body = String, content_type = FRAME),
         (status = 422, description = "Refusal: the bytes are not a chunk of this attempt", body = String, content_type = FRAME)))]
-pub async fn chunk(State(app): State<App>, Path(path): Path<ChunkPath>, request: Request) -> Reply {
+pub(super) async fn chunk(State(app): State<App>, Path(path): Path<ChunkPath>, request: Request) -> Reply {
     let token = token(&path.token)?;
     // More uploads at once than this would fill the spool faster than the engine empties it.
     let Ok(_slot) = app.chunk_slots.try_acquire() else {
@@ -200,35 +200,35 @@ pub async fn chunk(State(app): State<App>, Path(path): Path<ChunkPath>, request:
 }
 
 /// A sign of life of an attempt.
-#[utoipa::path(post, path = "/v1/worker/attempts/{token}/heartbeat", tag = "worker",
+#[utoipa::path(post, path = "/v1/worker/attempts/{token}/heartbeat", operation_id = "workerHeartbeat", tag = "worker",
     params(("token" = String, Path, description = "The attempt's token")),
     request_body(content = String, content_type = FRAME, description = "Heartbeat"),
     responses((status = 200, description = "HeartbeatReply", body = String, content_type = FRAME)))]
-pub async fn heartbeat(State(app): State<App>, Path(text): Path<String>, request: Request) -> Reply {
+pub(super) async fn heartbeat(State(app): State<App>, Path(text): Path<String>, request: Request) -> Reply {
     let heartbeat: Heartbeat = message(&app, request.into_body()).await?;
     let answer: HeartbeatReply = app.engine.heartbeat(token(&text)?, &heartbeat).await?;
     reply(&answer)
 }
 
 /// Every tile of an attempt has been delivered.
-#[utoipa::path(post, path = "/v1/worker/attempts/{token}/complete", tag = "worker",
+#[utoipa::path(post, path = "/v1/worker/attempts/{token}/complete", operation_id = "workerComplete", tag = "worker",
     params(("token" = String, Path, description = "The attempt's token")),
     request_body(content = String, content_type = FRAME, description = "Finish"),
     responses((status = 204, description = "Noted"),
         (status = 410, description = "Refusal: the attempt is over already", body = String, content_type = FRAME)))]
-pub async fn complete(State(app): State<App>, Path(text): Path<String>, request: Request) -> Reply {
+pub(super) async fn complete(State(app): State<App>, Path(text): Path<String>, request: Request) -> Reply {
     let finish: Finish = message(&app, request.into_body()).await?;
     app.engine.complete(token(&text)?, &finish).await?;
     Ok(StatusCode::NO_CONTENT.into_response())
 }
 
 /// A worker gives the rest of an attempt back.
-#[utoipa::path(post, path = "/v1/worker/attempts/{token}/release", tag = "worker",
+#[utoipa::path(post, path = "/v1/worker/attempts/{token}/release", operation_id = "workerRelease", tag = "worker",
     params(("token" = String, Path, description = "The attempt's token")),
     request_body(content = String, content_type = FRAME, description = "Finish"),
     responses((status = 204, description = "Noted"),
         (status = 410, description = "Refusal: the attempt is over already", body = String, content_type = FRAME)))]
-pub async fn release(State(app): State<App>, Path(text): Path<String>, request: Request) -> Reply {
+pub(super) async fn release(State(app): State<App>, Path(text): Path<String>, request: Request) -> Reply {
     let finish: Finish = message(&app, request.into_body()).await?;
     app.engine.release(token(&text)?, &finish).await?;
     Ok(StatusCode::NO_CONTENT.into_response())
