@@ -16,14 +16,17 @@ mod fetch;
 mod host;
 mod inspect;
 mod output;
+mod package;
 mod progress;
 mod serve;
 mod submit;
+mod table;
 mod watch;
 mod work;
 
 use clap::{Parser, Subcommand};
 use error::CommandError;
+use package::ToolError;
 use std::process::ExitCode;
 use tracing_subscriber::EnvFilter;
 
@@ -53,9 +56,9 @@ enum Command {
     Fetch(fetch::FetchArgs),
     Cancel(watch::CancelArgs),
     Jobs(watch::JobsArgs),
-    Inspect(inspect::InspectArgs),
-    Encode(encode::EncodeArgs),
-    Decode(decode::DecodeArgs),
+    Inspect(inspect::Args),
+    Encode(encode::Args),
+    Decode(decode::Args),
     Eval(eval::EvalArgs),
     Config(config::ConfigArgs),
 }
@@ -81,9 +84,9 @@ fn fail(error: &CommandError) -> ExitCode {
 fn run(cli: &Cli) -> Result<(), CommandError> {
     let json = cli.json;
     match &cli.command {
-        Command::Inspect(args) => inspect::run(args, json),
-        Command::Encode(args) => encode::run(args, json),
-        Command::Decode(args) => decode::run(args, json),
+        Command::Inspect(args) => tool(inspect::run(args, json, &mut std::io::stdout().lock())),
+        Command::Encode(args) => tool(encode::run(args, json, &mut std::io::stdout().lock())),
+        Command::Decode(args) => tool(decode::run(args, json, &mut std::io::stdout().lock())),
         Command::Eval(args) => eval::run(args, json),
         Command::Config(args) => config::run(args, json),
         networked => {
@@ -92,6 +95,10 @@ fn run(cli: &Cli) -> Result<(), CommandError> {
             runtime.block_on(run_networked(networked, json))
         }
     }
+}
+
+fn tool(outcome: Result<(), ToolError>) -> Result<(), CommandError> {
+    outcome.map_err(|e| if e.is_usage() { CommandError::usage(error::chain(&e)) } else { CommandError::work(error::chain(&e)) })
 }
 
 async fn run_networked(command: &Command, json: bool) -> Result<(), CommandError> {

@@ -14,7 +14,7 @@ mod output;
 mod package;
 mod palette;
 
-pub use package::{Published, write_manifest};
+pub use package::{Published, describe, write_manifest};
 
 use band::Band;
 use kiln_proto::{

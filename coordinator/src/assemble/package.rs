@@ -39,14 +39,9 @@ pub fn write_manifest(dir: &Path, scene_bytes: &[u8], plan: &Plan, reports: &[Su
     if Scene::hash_of(scene_bytes) != plan.scene {
         return Err(mismatch("the plan is made for another scene"));
     }
-    let probe = plan.probe.as_ref().ok_or_else(|| mismatch("the plan has no exposure yet"))?;
-    let in_order = reports.iter().map(|r| r.surface).eq(0..scene.surfaces.len());
-    if !in_order || [plan.surfaces.len(), probe.walks.len()] != [reports.len(); 2] {
-        return Err(mismatch(format!("{} reports for {} surfaces, or out of order", reports.len(), scene.surfaces.len())));
-    }
     let header = container::header(scene_bytes, &plan_bytes);
     let scene_file = write(dir, container::PATH, BINARY, &[&header, scene_bytes, &plan_bytes])?;
-    let manifest = describe(&scene, plan, probe, reports, scene_file.clone())?;
+    let manifest = describe(&scene, plan, reports, scene_file.clone())?;
     let bytes = manifest.to_bytes().map_err(|e| mismatch(format!("the manifest cannot be written: {e}")))?;
     let manifest_file = write(dir, manifest::PATH, "application/json", &[&bytes])?;
     let all = manifest.files.iter().chain([&manifest_file]);
@@ -70,13 +65,16 @@ fn write(dir: &Path, name: &str, media_type: &str, parts: &[&[u8]]) -> Result<Fi
     Ok(FileRecord { path: name.into(), media_type: media_type.into(), bytes, sha256: Sha256Hex(hash.finalize().into()) })
 }
 
-fn describe(
-    scene: &Scene,
-    plan: &Plan,
-    probe: &PhaseResults,
-    reports: &[SurfaceReport],
-    scene_file: FileRecord,
-) -> Result<Manifest, AssembleError> {
+/// The manifest of a package with these reports, in the order of the scene, and this `scene.kiln`.
+///
+/// # Errors
+/// Scene, plan and reports that do not belong together.
+pub fn describe(scene: &Scene, plan: &Plan, reports: &[SurfaceReport], scene_file: FileRecord) -> Result<Manifest, AssembleError> {
+    let probe = plan.probe.as_ref().ok_or_else(|| mismatch("the plan has no exposure yet"))?;
+    let in_order = reports.iter().map(|r| r.surface).eq(0..scene.surfaces.len());
+    if !in_order || [plan.surfaces.len(), probe.walks.len()] != [reports.len(); 2] {
+        return Err(mismatch(format!("{} reports for {} surfaces, or out of order", reports.len(), scene.surfaces.len())));
+    }
     let surfaces = reports.iter().map(|r| surface(scene, plan, probe, r)).collect::<Result<Vec<_>, _>>()?;
     let mut files: Vec<FileRecord> = reports.iter().flat_map(|r| r.files.iter().cloned()).chain([scene_file]).collect();
     files.sort_by(|a, b| a.path.cmp(&b.path));

@@ -1,0 +1,81 @@
+use super::*;
+use crate::package::fixture;
+use kiln_proto::settings::Rule;
+use std::collections::BTreeMap;
+
+fn args(package: &Path, out: &Path) -> Args {
+    Args { package: package.into(), out: out.into(), codec: None, rule: None, eps: None, threshold: None, walk: None, raw: None }
+}
+
+fn encode(args: &Args) -> Result<(), ToolError> {
+    run(args, false, &mut vec![])
+}
+
+fn files(dir: &Path) -> BTreeMap<String, Vec<u8>> {
+    let read = |folder: &Path| {
+        let entries = fs::read_dir(folder).unwrap().map(|e| e.unwrap().path()).filter(|p| p.is_file());
+        entries.map(|p| (p.strip_prefix(dir).unwrap().display().to_string(), fs::read(&p).unwrap())).collect::<Vec<_>>()
+    };
+    read(dir).into_iter().chain(read(&dir.join("surfaces"))).collect()
+}
+
+/// Every file, `scene.kiln` and the manifest included, is the one that a bake with the new settings makes.
+#[test]
+fn encoding_again_is_baking_again() {
+    let dir = tempfile::tempdir().unwrap();
+    let at = |name: &str| dir.path().join(name);
+    fixture::bake(&at("f32"), fixture::settings(Rule::Bounded { eps: 2 }, Some(RawFormat::F32)));
+    fixture::bake(&at("u8"), fixture::settings(Rule::Bounded { eps: 2 }, Some(RawFormat::U8)));
+    let thesis = Rule::Thesis { threshold: 0 };
+    for (k, (from, rule, raw, walk)) in [
+        ("f32", thesis, None, None),
+        ("f32", Rule::Cumulative { threshold: 9 }, Some(RawFormat::U8), Some(WalkMode::Phi)),
+        ("f32", Rule::Bounded { eps: 2 }, Some(RawFormat::F32), None),
+        ("u8", thesis, Some(RawFormat::U8), Some(WalkMode::Theta)),
+        ("u8", Rule::Bounded { eps: 1 }, None, None),
+    ]
+    .into_iter()
+    .enumerate()
+    {
+        let mut settings = fixture::settings(rule, raw);
+        settings.walk = walk.unwrap_or_default();
+        let (baked, encoded) = (at(&format!("baked{k}")), at(&format!("encoded{k}")));
+        fixture::bake(&baked, settings);
+        let mut args = Args { raw, walk, ..args(&at(from), &encoded) };
+        match rule {
+            Rule::Thesis { threshold } => (args.rule, args.threshold) = (Some(RuleName::Thesis), Some(threshold)),
+            Rule::Cumulative { threshold } => (args.rule, args.threshold) = (Some(RuleName::Cumulative), Some(threshold)),
+            Rule::Bounded { eps: 2 } => {}
+            Rule::Bounded { eps } => args.eps = Some(eps),
+        }
+        encode(&args).unwrap();
+        let (baked, encoded) = (files(&baked), files(&encoded));
+        assert!(baked.keys().eq(encoded.keys()));
+        let differing: Vec<_> = baked.iter().filter(|(name, bytes)| encoded[*name] != **bytes).map(|(name, _)| name).collect();
+        assert!(differing.is_empty(), "{from} to {rule}: {differing:?}");
+    }
+}
+
+#[test]
+fn what_cannot_be_encoded_is_refused_and_leaves_nothing_behind() {
+    let dir = tempfile::tempdir().unwrap();
+    let at = |name: &str| dir.path().join(name);
+    fixture::bake(&at("none"), fixture::settings(Rule::default(), None));
+    fixture::bake(&at("u8"), fixture::settings(Rule::default(), Some(RawFormat::U8)));
+    let refusal = |args: Args| {
+        let error = encode(&args).unwrap_err();
+        (error.is_usage(), error.to_string())
+    };
+    let (code, text) = refusal(args(&at("none"), &at("out")));
+    assert!(code == 1 && text.contains("keeps no raw radiance"), "{text}");
+    let (code, text) = refusal(Args { raw: Some(RawFormat::F32), ..args(&at("u8"), &at("out")) });
+    assert!(code == 2 && text.contains("8 bits only"), "{text}");
+    let (code, text) = refusal(Args { rule: Some(RuleName::Thesis), eps: Some(1), ..args(&at("u8"), &at("out")) });
+    assert!(code == 2 && text.contains("eps"), "{text}");
+    let (code, text) = refusal(args(&at("u8"), &at("none")));
+    assert!(code == 2 && text.contains("not empty"), "{text}");
+    assert!(!at("out").exists());
+    fs::write(at("u8/surfaces/lamp.mtex"), "short").unwrap();
+    let (code, text) = refusal(args(&at("u8"), &at("out")));
+    assert!(code == 1 && text.contains("lamp.mtex") && !at("out").exists(), "{text}");
+}

@@ -1,0 +1,95 @@
+use super::*;
+use crate::package::fixture;
+use kiln_proto::settings::{RawFormat, Rule};
+use std::{fs, path::Path};
+
+fn inspect(dir: &Path, verify: bool, json: bool) -> (Result<(), ToolError>, String) {
+    let mut out = vec![];
+    let result = run(&Args { package: dir.to_owned(), verify }, json, &mut out);
+    (result, String::from_utf8(out).unwrap())
+}
+
+#[test]
+fn a_package_holds_what_it_claims_with_every_rule_and_raw_format() {
+    for (rule, raw) in [
+        (Rule::Bounded { eps: 2 }, Some(RawFormat::F32)),
+        (Rule::Thesis { threshold: 6 }, Some(RawFormat::U8)),
+        (Rule::Cumulative { threshold: 9 }, None),
+    ] {
+        let dir = tempfile::tempdir().unwrap();
+        let hash = fixture::bake(dir.path(), fixture::settings(rule, raw));
+        let (result, text) = inspect(dir.path(), true, false);
+        assert!(result.is_ok(), "{rule}: {}\n{text}", result.unwrap_err());
+        assert!(text.contains(&hash.to_string()) && text.contains("\nverified: "), "{text}");
+        assert_eq!(text.contains("errors measured again"), raw.is_some());
+        let (_, json) = inspect(dir.path(), true, true);
+        let json: serde_json::Value = serde_json::from_str(&json).unwrap();
+        assert_eq!(json["package_hash"], hash.to_string());
+        assert_eq!(json["verification"]["differences"], serde_json::json!([]));
+        // 35 x 33 covered texels of the wall with their gutter, and the lamp's 8 x 5.
+        assert_eq!(json["verification"]["texels"], 37 * 35 + 40);
+        assert!(json["manifest"]["surfaces"][0]["encoding"]["errors"]["max"].as_u64().unwrap() > 0 || raw.is_none());
+    }
+}
+
+#[test]
+fn the_tables_have_the_sizes_of_the_files() {
+    let dir = tempfile::tempdir().unwrap();
+    fixture::bake(dir.path(), fixture::settings(Rule::Bounded { eps: 2 }, Some(RawFormat::U8)));
+    let (_, text) = inspect(dir.path(), false, false);
+    // 70 x 66 texels: 24 directions x 3 bytes raw, header and terminator beside 4 bytes a texel.
+    for expected in ["70x66", "332,640", "332,672", "18,516"] {
+        assert!(text.contains(expected), "{expected} is missing in\n{text}");
+    }
+}
+
+/// A byte that is changed anywhere is found, and its file is named.
+#[test]
+fn one_changed_byte_is_named() {
+    for name in ["surfaces/wall.mtnc", "surfaces/wall.mtex", "surfaces/lamp.mtm", "surfaces/wall.mtsp"] {
+        let dir = tempfile::tempdir().unwrap();
+        fixture::bake(dir.path(), fixture::settings(Rule::Bounded { eps: 2 }, Some(RawFormat::F32)));
+        let path = dir.path().join(name);
+        let mut bytes = fs::read(&path).unwrap();
+        let middle = 32 + (bytes.len() - 32) / 2;
+        bytes[middle] ^= 1;
+        fs::write(&path, bytes).unwrap();
+        let (result, text) = inspect(dir.path(), true, false);
+        let error = result.unwrap_err();
+        assert_eq!(error.is_usage(), false);
+        assert!(error.to_string().contains(name) && text.contains("NOT VERIFIED"), "{error}\n{text}");
+    }
+}
+
+/// A manifest that lies consistently about its files still cannot lie about what they hold.
+#[test]
+fn a_false_claim_is_named() {
+    for (from, to, field) in [
+        ("\"covered\": 1155", "\"covered\": 1156", "covered"),
+        ("\"colour_bits\": 16", "\"colour_bits\": 24", "colour_bits"),
+        ("\"seed\": 0", "\"seed\": 1", "seed"),
+        ("\"eps\": 3", "\"eps\": 0", "eps"),
+        ("\"p99_9\": ", "\"p99_9\": 1", "p99_9"),
+        ("\"average\": 0", "\"average\": 1", "average"),
+    ] {
+        let dir = tempfile::tempdir().unwrap();
+        fixture::bake(dir.path(), fixture::settings(Rule::Bounded { eps: 3 }, Some(RawFormat::F32)));
+        let path = dir.path().join("manifest.json");
+        let text = fs::read_to_string(&path).unwrap();
+        assert!(text.contains(from), "{from} is not in\n{text}");
+        fs::write(&path, text.replace(from, to)).unwrap();
+        let error = inspect(dir.path(), true, false).0.unwrap_err().to_string();
+        assert!(error.contains(field), "{field}: {error}");
+    }
+}
+
+#[test]
+fn what_is_no_package_is_an_error_that_names_the_file() {
+    let dir = tempfile::tempdir().unwrap();
+    assert!(inspect(dir.path(), false, false).0.unwrap_err().to_string().contains("manifest.json"));
+    fixture::bake(dir.path(), fixture::settings(Rule::default(), None));
+    fs::remove_file(dir.path().join("surfaces/wall.mti")).unwrap();
+    assert!(inspect(dir.path(), true, false).0.unwrap_err().to_string().contains("wall.mti"));
+    fs::write(dir.path().join("scene.kiln"), "no").unwrap();
+    assert!(inspect(dir.path(), false, false).0.unwrap_err().to_string().contains("scene.kiln"));
+}
