@@ -59,6 +59,51 @@ fn a_closed_emitting_box_sums_the_powers_of_its_albedo() {
     }
 }
 
+/// A sphere of radius 3 about (1, 2, 3), seen from inside, as one surface of 2 x 12 x 24 triangles less those at the poles.
+fn closed_sphere() -> Scene {
+    const RINGS: u32 = 12;
+    const SECTORS: u32 = 24;
+    let mut scene = empty();
+    let mut triangles = vec![];
+    for i in 0..=RINGS {
+        for j in 0..SECTORS {
+            let (sin_theta, cos_theta) = kiln_proto::math::sin_cos_degrees(180.0 * f64::from(i) / f64::from(RINGS));
+            let (sin_phi, cos_phi) = kiln_proto::math::sin_cos_degrees(360.0 * f64::from(j) / f64::from(SECTORS));
+            let p = DVec3::new(1.0, 2.0, 3.0) + 3.0 * DVec3::new(sin_theta * cos_phi, cos_theta, sin_theta * sin_phi);
+            scene.positions.push(p.as_vec3().to_array());
+            let at = |i: u32, j: u32| i * SECTORS + j % SECTORS;
+            let triangle = |corners: [u32; 3]| kiln_proto::scene::Triangle { corners, uv: None, polygon: 0 };
+            if i > 0 && i < RINGS {
+                triangles.push(triangle([at(i, j), at(i + 1, j), at(i, j + 1)]));
+                triangles.push(triangle([at(i, j + 1), at(i - 1, j + 1), at(i, j)]));
+            }
+        }
+    }
+    scene.materials.push(lambert(0.5, 0.5));
+    scene.surfaces.push(kiln_proto::scene::Surface { name: "sphere".into(), file_stem: "sphere".into(), material: 0, triangles });
+    scene
+}
+
+#[test]
+fn inside_a_closed_emitting_sphere_the_radiance_is_one_everywhere() {
+    for factor in [1e-3, 1.0, 1e3] {
+        let scene = BakeScene::new(scaled(closed_sphere(), factor), Simd::Auto).unwrap();
+        let queries: Vec<Query> = (0..scene.scene().triangle_count() as u32)
+            .step_by(7)
+            .map(|prim| {
+                let (c, n) = (scene.prim(prim).corners, scene.prim(prim).frame.normal);
+                // The middle of some triangles, right beside a corner of others.
+                let w = [Vec3::splat(1.0 / 3.0), Vec3::new(0.998, 0.001, 0.001)][prim as usize % 2];
+                Query { surface: "sphere".into(), position: c[0] * w.x + c[1] * w.y + c[2] * w.z, direction: n }
+            })
+            .collect();
+        let answers = evaluate(&scene, &queries, &settings(r#"{"samples":64,"max_depth":24}"#), 2);
+        let light: Vec<f32> = answers.into_iter().map(|a| a.unwrap().radiance.g).collect();
+        assert!(light.iter().all(|l| (l - 1.0).abs() < 0.12), "{light:?}");
+        assert!((mean(&light) - 1.0).abs() < 0.005, "{}", mean(&light));
+    }
+}
+
 #[test]
 fn a_furnace_of_mirrors_and_lobes_keeps_its_radiance() {
     // In a closed box of uniform radiance 1 the mirror returns Ks and the diffuse base Kd: with emission 1 - Kd - Ks the radiance is 1.
