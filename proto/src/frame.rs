@@ -75,12 +75,14 @@ impl Frame {
 
     /// A local direction in world space.
     #[must_use]
+    #[inline]
     pub fn to_world(&self, local: Vec3) -> Vec3 {
         self.tangent * local.x + self.bitangent * local.y + self.normal * local.z
     }
 
     /// A world direction in local space.
     #[must_use]
+    #[inline]
     pub fn to_local(&self, world: Vec3) -> Vec3 {
         Vec3::new(self.tangent.dot(world), self.bitangent.dot(world), self.normal.dot(world))
     }

@@ -23,48 +23,56 @@ impl Rgb {
 
     /// From three channels.
     #[must_use]
+    #[inline]
     pub const fn new(r: f32, g: f32, b: f32) -> Self {
         Self { r, g, b }
     }
 
     /// The same value in every channel.
     #[must_use]
+    #[inline]
     pub const fn splat(v: f32) -> Self {
         Self { r: v, g: v, b: v }
     }
 
     /// The three channels in the order red, green, blue.
     #[must_use]
+    #[inline]
     pub const fn to_array(self) -> [f32; 3] {
         [self.r, self.g, self.b]
     }
 
     /// The largest channel.
     #[must_use]
+    #[inline]
     pub fn max_channel(self) -> f32 {
         self.r.max(self.g).max(self.b)
     }
 
     /// The mean of the channels.
     #[must_use]
+    #[inline]
     pub fn mean(self) -> f32 {
         (self.r + self.g + self.b) / 3.0
     }
 
     /// Whether every channel is exactly zero.
     #[must_use]
+    #[inline]
     pub fn is_black(self) -> bool {
         self == Self::BLACK
     }
 
     /// Whether every channel is finite.
     #[must_use]
+    #[inline]
     pub fn is_finite(self) -> bool {
         self.r.is_finite() && self.g.is_finite() && self.b.is_finite()
     }
 }
 
 impl From<[f32; 3]> for Rgb {
+    #[inline]
     fn from([r, g, b]: [f32; 3]) -> Self {
         Self { r, g, b }
     }
@@ -72,12 +80,14 @@ impl From<[f32; 3]> for Rgb {
 
 impl Add for Rgb {
     type Output = Rgb;
+    #[inline]
     fn add(self, o: Rgb) -> Rgb {
         Rgb::new(self.r + o.r, self.g + o.g, self.b + o.b)
     }
 }
 
 impl AddAssign for Rgb {
+    #[inline]
     fn add_assign(&mut self, o: Rgb) {
         *self = *self + o;
     }
@@ -85,6 +95,7 @@ impl AddAssign for Rgb {
 
 impl Mul for Rgb {
     type Output = Rgb;
+    #[inline]
     fn mul(self, o: Rgb) -> Rgb {
         Rgb::new(self.r * o.r, self.g * o.g, self.b * o.b)
     }
@@ -92,6 +103,7 @@ impl Mul for Rgb {
 
 impl Mul<f32> for Rgb {
     type Output = Rgb;
+    #[inline]
     fn mul(self, k: f32) -> Rgb {
         Rgb::new(self.r * k, self.g * k, self.b * k)
     }

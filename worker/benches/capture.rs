@@ -10,7 +10,7 @@ use kiln_worker::{
     capture::{Capture, simd::Simd},
     scene::BakeScene,
 };
-use std::{sync::Arc, time::Instant};
+use std::sync::Arc;
 
 /// Every so many tiles of a surface one is baked.
 const STRIDE: usize = 37;
@@ -32,9 +32,9 @@ fn main() {
             let (mut rays, mut baked, mut seconds) = (0, 0usize, 0.0);
             let first = plan.first_tile(index).0;
             for tile in (0..surface.tiles.len()).skip(STRIDE / 2 % surface.tiles.len()).step_by(STRIDE) {
-                let start = Instant::now();
+                let start = testing::thread_seconds();
                 let radiance = capture.bake_tile(TileIndex(first + tile as u64)).unwrap();
-                seconds += start.elapsed().as_secs_f64();
+                seconds += testing::thread_seconds() - start;
                 rays += radiance.rays;
                 let mut sources: Vec<_> = radiance.rows.iter().map(|r| r.source).collect();
                 sources.sort_unstable();

@@ -15,7 +15,7 @@ use kiln_worker::{
     capture::{Capture, per_direction, shared, simd::Simd},
     scene::BakeScene,
 };
-use std::{sync::Arc, time::Instant};
+use std::sync::Arc;
 
 const SURFACES: [&str; 4] = ["wall_side", "floor", "box_front", "prism"];
 /// Texels of each surface, spread over its texture.
@@ -25,12 +25,11 @@ const REFERENCES: u64 = 64;
 /// Independent paths per direction; their error is scaled from here by the square root of their number.
 const PATHS: u32 = 16;
 
-/// Squared error and seconds.
-#[derive(Default)]
-struct Cost {
-    error: f64,
-    seconds: f64,
-}
+/// Seeds of each way, so that both the error and the clock have something to average.
+const SEEDS: u64 = 8;
+
+/// One way to capture a texel: (texel, seed) to radiance.
+type Way<'a> = &'a dyn Fn((u32, u32), u64) -> Vec<Rgb>;
 
 fn main() {
     let nominal = std::fs::read_to_string(testing::test_file("scenes/thesis-room/nominal.json")).unwrap();
@@ -40,22 +39,19 @@ fn main() {
     let capture = Capture::new(Arc::new(BakeScene::new(scene, Simd::Auto).unwrap()), plan).unwrap();
     for name in SURFACES {
         let surface = capture.scene().scene().surface(name).unwrap().0;
-        let (mut ours, mut theirs, mut power) = (Cost::default(), Cost::default(), 0.0);
-        for texel in texels(&capture, surface) {
-            let at = |samples, seed| BakeSettings { samples, seed, max_depth: 5, ..settings.clone() };
-            let reference = reference(&capture, surface, texel, &at);
-            measure(&mut ours, &reference, || shared(&capture, surface, texel, &at(1_024, 1)).unwrap().0);
-            measure(&mut theirs, &reference, || per_direction(&capture, surface, texel, &at(PATHS, 1)).unwrap().0);
-            power += reference.iter().flatten().map(|v| v * v).sum::<f64>();
-        }
-        let seconds = theirs.seconds * theirs.error / ours.error;
+        let at = |samples, seed| BakeSettings { samples, seed, max_depth: 5, ..settings.clone() };
+        let texels = texels(&capture, surface);
+        let references: Vec<_> = texels.iter().map(|t| reference(&capture, surface, *t, &at)).collect();
+        let (ours, our_error) = measure(&texels, &references, &|t, seed| shared(&capture, surface, t, &at(1_024, seed)).unwrap().0);
+        let each: Way<'_> = &|t, seed| per_direction(&capture, surface, t, &at(PATHS, seed)).unwrap().0;
+        let (theirs, their_error) = measure(&texels, &references, each);
+        let power: f64 = references.iter().flatten().flatten().map(|v| v * v).sum();
+        let paths = f64::from(PATHS) * their_error / our_error;
+        let equal = theirs * their_error / our_error;
         println!(
-            r#"{{"surface":"{name}","relative_rmse":{:.4},"shared_core_seconds":{:.6},"per_direction_core_seconds":{:.6},"paths_per_direction":{:.0},"ratio":{:.1}}}"#,
-            (ours.error / power).sqrt(),
-            ours.seconds / f64::from(TEXELS),
-            seconds / f64::from(TEXELS),
-            f64::from(PATHS) * theirs.error / ours.error,
-            seconds / ours.seconds,
+            r#"{{"surface":"{name}","relative_rmse":{:.4},"shared_core_seconds":{ours:.6},"per_direction_core_seconds":{equal:.6},"paths_per_direction":{paths:.0},"ratio":{:.1}}}"#,
+            (our_error / power).sqrt(),
+            equal / ours,
         );
     }
 }
@@ -79,12 +75,13 @@ fn reference(capture: &Capture, surface: usize, texel: (u32, u32), at: &dyn Fn(u
     sum
 }
 
-fn measure(cost: &mut Cost, reference: &[[f64; 3]], run: impl Fn() -> Vec<Rgb>) {
-    let start = Instant::now();
-    let light = run();
-    cost.seconds += start.elapsed().as_secs_f64();
-    let off = |(l, r): (&Rgb, &[f64; 3])| (0..3).map(|c| (f64::from(l.to_array()[c]) - r[c]).powi(2)).sum::<f64>();
-    #[allow(clippy::disallowed_methods)]
-    let error = light.iter().zip(reference).map(off).sum::<f64>();
-    cost.error += error;
+/// Core-seconds of one capture, and its squared error summed over the texels.
+fn measure(texels: &[(u32, u32)], references: &[Vec<[f64; 3]>], way: Way<'_>) -> (f64, f64) {
+    let start = testing::thread_seconds();
+    let captured: Vec<Vec<Rgb>> = texels.iter().flat_map(|t| (1..=SEEDS).map(|seed| way(*t, seed))).collect();
+    let seconds = testing::thread_seconds() - start;
+    let off = |(l, r): (&Rgb, &[f64; 3])| (0..3).map(|c| f64::from(l.to_array()[c]) - r[c]).map(|d| d * d).sum::<f64>();
+    let error = |(k, light): (usize, &Vec<Rgb>)| light.iter().zip(&references[k / SEEDS as usize]).map(off).sum::<f64>();
+    let total: f64 = captured.iter().enumerate().map(error).sum();
+    (seconds / captured.len() as f64, total / SEEDS as f64)
 }

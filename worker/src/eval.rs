@@ -177,3 +177,50 @@ fn nearest_point(p: DVec3, [a, b, c]: [DVec3; 3]) -> [f64; 2] {
     let sum = va + vb + vc;
     [vb / sum, vc / sum]
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        capture::simd::Simd,
+        testing::{closed_box, lambert, settings},
+    };
+
+    fn ask(surface: &str, position: [f32; 3], direction: [f32; 3], repeats: u32) -> Result<Answer, QueryError> {
+        let scene = BakeScene::new(closed_box(2.0, &lambert(0.5, 0.5)), Simd::Auto).unwrap();
+        let query = Query { surface: surface.into(), position: position.into(), direction: direction.into() };
+        evaluate(&scene, &[query], &settings(r#"{"samples":64,"max_depth":20}"#), repeats).remove(0)
+    }
+
+    #[test]
+    fn an_answer_comes_with_an_honest_error() {
+        let answer = ask("wall0", [0.4, 0.0, 0.3], [0.1, 2.0, 0.3], 16).unwrap();
+        assert!((answer.radiance.g - 1.0).abs() < 5.0 * answer.stderr.g + 1e-4, "{answer:?}");
+        assert!(answer.stderr.g > 0.0 && answer.stderr.g < 0.02, "{answer:?}");
+        assert_eq!(ask("wall0", [0.4, 0.0, 0.3], [0.0, 1.0, 0.0], 1).unwrap().stderr.r, f32::INFINITY);
+    }
+
+    #[test]
+    fn directions_below_the_horizon_are_black() {
+        let answer = ask("wall0", [0.4, 0.0, 0.3], [0.1, -1.0, 0.0], 4).unwrap();
+        assert_eq!((answer.radiance, answer.stderr), (Rgb::BLACK, Rgb::BLACK));
+    }
+
+    #[test]
+    fn questions_without_an_answer_say_why() {
+        assert_eq!(ask("roof", [0.0; 3], [0.0, 1.0, 0.0], 2), Err(QueryError::NoSurface { name: "roof".into() }));
+        assert!(matches!(ask("wall0", [0.4, 0.01, 0.3], [0.0, 1.0, 0.0], 2), Err(QueryError::TooFar { .. })));
+        assert!(ask("wall0", [0.4, 0.001, 0.3], [0.0, 1.0, 0.0], 2).is_ok(), "within a thousandth of the scene");
+        assert_eq!(ask("wall0", [0.4, 0.0, 0.3], [0.0; 3], 2), Err(QueryError::NotADirection));
+        assert_eq!(ask("wall0", [f32::NAN, 0.0, 0.3], [0.0, 1.0, 0.0], 2), Err(QueryError::NotADirection));
+    }
+
+    #[test]
+    fn the_nearest_point_of_a_triangle_is_found_in_every_region() {
+        let t = [DVec3::ZERO, DVec3::X, DVec3::Y];
+        let at = |x: f64, y: f64| nearest_point(DVec3::new(x, y, 0.7), t);
+        assert_eq!([at(-1.0, -1.0), at(3.0, -1.0), at(-1.0, 3.0)], [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]);
+        assert_eq!([at(0.25, -1.0), at(-1.0, 0.25), at(1.0, 1.0)], [[0.25, 0.0], [0.0, 0.25], [0.5, 0.5]]);
+        assert_eq!(at(0.25, 0.5), [0.25, 0.5]);
+    }
+}

@@ -130,13 +130,10 @@ impl<'a> Tracer<'a> {
         let distance_squared = toward.length_squared();
         let direction = toward / distance_squared.sqrt();
         let cos = -self.scene.prim(point.prim).frame.normal.dot(direction);
-        // A light that touches the point gives 0/0 there; it is seen edge on.
-        (cos > 0.0 && distance_squared > 0.0).then(|| Connection {
-            direction,
-            target,
-            pdf: to_solid_angle(point.pdf_area, distance_squared, cos),
-            emitted: self.scene.emission(point.prim, point.bary),
-        })
+        let pdf = to_solid_angle(point.pdf_area, distance_squared, cos);
+        // A light that touches the point has no direction, and its density overflows or vanishes.
+        let usable = cos > 0.0 && pdf > 0.0 && pdf.is_finite();
+        usable.then(|| Connection { direction, target, pdf, emitted: self.scene.emission(point.prim, point.bary) })
     }
 
     /// Whether a connection is not blocked.

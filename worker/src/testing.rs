@@ -22,6 +22,14 @@ pub(crate) fn test_file(name: &str) -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../tests").join(name)
 }
 
+/// Processor seconds that this thread has used (wall time is worth little on a shared machine), or wall time where the system does not say.
+pub(crate) fn thread_seconds() -> f64 {
+    static START: std::sync::LazyLock<std::time::Instant> = std::sync::LazyLock::new(std::time::Instant::now);
+    let scheduled = std::fs::read_to_string("/proc/thread-self/schedstat").ok();
+    let nanoseconds = scheduled.and_then(|s| s.split(' ').next().and_then(|n| n.parse::<f64>().ok()));
+    nanoseconds.map_or_else(|| START.elapsed().as_secs_f64(), |n| n * 1e-9)
+}
+
 /// A diffuse material.
 pub(crate) fn lambert(kd: f32, ke: f32) -> Material {
     Material {

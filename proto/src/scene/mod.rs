@@ -93,12 +93,14 @@ pub enum Lobe {
 impl Material {
     /// Whether the surface gives light of its own.
     #[must_use]
+    #[inline]
     pub fn is_emissive(&self) -> bool {
         self.emission.max_channel() > 0.0
     }
 
     /// Whether its outgoing light depends on the direction.
     #[must_use]
+    #[inline]
     pub fn is_specular(&self) -> bool {
         self.specular.max_channel() > 0.0
     }

@@ -7,7 +7,7 @@ use super::{
     tree::{Child, MAX_DEPTH, Node, Tree, WIDTH},
     triangle::Sheared,
 };
-use glam::Vec3;
+use glam::{Vec3, Vec4};
 
 /// A direction component this small counts as this large when it is inverted: 1/0 times a distance of 0 would be no number.
 const SMALLEST: f32 = 1e-18;
@@ -54,22 +54,18 @@ impl Slabs {
         Self { origin: ray.origin.to_array(), inverse, near: inverse.map(|i| usize::from(i < 0.0)) }
     }
 
-    /// Where the ray enters each box, and whether it does within (0, tmax].
+    /// Where the ray enters each box, and a bit for each that it enters within (0, tmax].
     #[inline(always)]
-    fn enter(&self, node: &Node, tmax: f32) -> ([f32; WIDTH], [bool; WIDTH]) {
-        let (mut enter, mut leave) = ([0.0f32; WIDTH], [tmax; WIDTH]);
+    fn enter(&self, node: &Node, tmax: f32) -> (Vec4, u32) {
+        let (mut enter, mut leave) = (Vec4::ZERO, Vec4::splat(tmax));
         for axis in 0..3 {
             let (o, i) = (self.origin[axis], self.inverse[axis]);
-            let near = &node.planes[axis][self.near[axis]];
-            let far = &node.planes[axis][1 - self.near[axis]];
-            for k in 0..WIDTH {
-                let (a, b) = ((near[k] - o) * i, (far[k] - o) * i);
-                enter[k] = if a > enter[k] { a } else { enter[k] };
-                leave[k] = if b < leave[k] { b } else { leave[k] };
-            }
+            let near = (node.planes[axis][self.near[axis]] - o) * i;
+            let far = (node.planes[axis][1 - self.near[axis]] - o) * i;
+            enter = enter.max(near);
+            leave = leave.min(far);
         }
-        let hit = std::array::from_fn(|k| enter[k] <= leave[k]);
-        (enter, hit)
+        (enter, enter.cmple(leave).bitmask())
     }
 }
 
@@ -79,7 +75,7 @@ const STACK: usize = MAX_DEPTH * (WIDTH - 1) + 1;
 fn closest_along<const K: usize>(tree: &Tree, ray: &Ray) -> Option<Hit> {
     let (slabs, sheared) = (Slabs::new(ray), Sheared::<K>::new(ray.origin, ray.direction));
     let mut best = Hit { prim: u32::MAX, t: ray.tmax, u: 0.0, v: 0.0 };
-    let mut stack = [(0.0f32, Child { first: 0, count: 0 }); STACK];
+    let mut stack = [(0.0f32, Child::ROOT); STACK];
     let mut used = usize::from(!tree.nodes.is_empty());
     while used > 0 {
         used -= 1;
@@ -87,30 +83,34 @@ fn closest_along<const K: usize>(tree: &Tree, ray: &Ray) -> Option<Hit> {
         if entry > best.t {
             continue;
         }
-        if child.count > 0 {
-            for leaf in &tree.leaves[child.first as usize..(child.first + child.count) as usize] {
-                if let Some((t, u, v)) = sheared.cross(&leaf.corners, best.t)
-                    && (t < best.t || leaf.prim < best.prim)
-                {
-                    best = Hit { prim: leaf.prim, t, u, v };
+        if let Some(first) = child.leaf() {
+            for block in &tree.blocks[first..] {
+                sheared.cross(block, best.t, |lane, (t, u, v)| {
+                    let prim = block.prims[lane];
+                    if t < best.t || (t == best.t && prim < best.prim) {
+                        best = Hit { prim, t, u, v };
+                    }
+                });
+                if block.last {
+                    break;
                 }
             }
             continue;
         }
-        let node = &tree.nodes[child.first as usize];
-        let (enter, hit) = slabs.enter(node, best.t);
-        let base = used;
-        for k in 0..WIDTH {
-            if hit[k] {
-                // Insertion keeps the nearest on top.
-                let mut at = used;
-                while at > base && stack[at - 1].0 < enter[k] {
-                    stack[at] = stack[at - 1];
-                    at -= 1;
-                }
-                stack[at] = (enter[k], node.children[k]);
-                used += 1;
+        let node = &tree.nodes[child.node()];
+        let (enter, mut hits) = slabs.enter(node, best.t);
+        let (enter, base) = (enter.to_array(), used);
+        while hits != 0 {
+            let k = hits.trailing_zeros() as usize;
+            hits &= hits - 1;
+            // Insertion keeps the nearest on top.
+            let mut at = used;
+            while at > base && stack[at - 1].0 < enter[k] {
+                stack[at] = stack[at - 1];
+                at -= 1;
             }
+            stack[at] = (enter[k], node.children[k]);
+            used += 1;
         }
     }
     (best.prim != u32::MAX).then_some(best)
@@ -118,22 +118,28 @@ fn closest_along<const K: usize>(tree: &Tree, ray: &Ray) -> Option<Hit> {
 
 fn occluded_along<const K: usize>(tree: &Tree, ray: &Ray) -> bool {
     let (slabs, sheared) = (Slabs::new(ray), Sheared::<K>::new(ray.origin, ray.direction));
-    let mut stack = [0u32; STACK];
+    let mut stack = [Child::ROOT; STACK];
     let mut used = usize::from(!tree.nodes.is_empty());
     while used > 0 {
         used -= 1;
-        let node = &tree.nodes[stack[used] as usize];
-        let (_, hit) = slabs.enter(node, ray.tmax);
-        for k in (0..WIDTH).filter(|k| hit[*k]) {
-            let child = node.children[k];
-            if child.count == 0 {
-                stack[used] = child.first;
+        let Some(first) = stack[used].leaf() else {
+            let node = &tree.nodes[stack[used].node()];
+            let (_, mut hits) = slabs.enter(node, ray.tmax);
+            while hits != 0 {
+                stack[used] = node.children[hits.trailing_zeros() as usize];
                 used += 1;
-            } else {
-                let leaves = &tree.leaves[child.first as usize..(child.first + child.count) as usize];
-                if leaves.iter().any(|l| sheared.cross(&l.corners, ray.tmax).is_some()) {
-                    return true;
-                }
+                hits &= hits - 1;
+            }
+            continue;
+        };
+        for block in &tree.blocks[first..] {
+            let mut blocked = false;
+            sheared.cross(block, ray.tmax, |_, _| blocked = true);
+            if blocked {
+                return true;
+            }
+            if block.last {
+                break;
             }
         }
     }

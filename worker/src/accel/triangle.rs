@@ -4,7 +4,8 @@
 //! same number with opposite sign, so no ray slips through between them; where an edge function is exactly zero it is taken again in f64.
 //! Unlike the paper's, this version keeps the axes' cyclic order instead of the winding: nothing here is culled by facing.
 
-use glam::Vec3;
+use super::tree::Block;
+use glam::{Vec3, Vec4};
 
 /// What a test needs of a ray whose largest direction component lies along axis `K`.
 pub(super) struct Sheared<const K: usize> {
@@ -28,16 +29,32 @@ impl<const K: usize> Sheared<K> {
         Self { origin, shear_x: d[Self::X] * shear_z, shear_y: d[Self::Y] * shear_z, shear_z }
     }
 
-    /// The crossing with 0 < t <= tmax, if there is one.
+    /// Calls `found` with lane and crossing of every triangle of a block that is crossed with 0 < t <= tmax.
     #[inline(always)]
-    pub(super) fn cross(&self, corners: &[Vec3; 3], tmax: f32) -> Option<Crossing> {
-        let local = corners.map(|c| (c - self.origin).to_array());
-        let x = local.map(|c| c[Self::X] - self.shear_x * c[K]);
-        let y = local.map(|c| c[Self::Y] - self.shear_y * c[K]);
-        let mut edge = [x[2] * y[1] - y[2] * x[1], x[0] * y[2] - y[0] * x[2], x[1] * y[0] - y[1] * x[0]];
-        if edge[0] == 0.0 || edge[1] == 0.0 || edge[2] == 0.0 {
-            edge = exact_edges(x, y);
+    pub(super) fn cross(&self, block: &Block, tmax: f32, mut found: impl FnMut(usize, Crossing)) {
+        let o = self.origin.to_array();
+        let depth: [Vec4; 3] = std::array::from_fn(|c| block.corners[c][K] - o[K]);
+        let x: [Vec4; 3] = std::array::from_fn(|c| (block.corners[c][Self::X] - o[Self::X]) - depth[c] * self.shear_x);
+        let y: [Vec4; 3] = std::array::from_fn(|c| (block.corners[c][Self::Y] - o[Self::Y]) - depth[c] * self.shear_y);
+        let edges = [x[2] * y[1] - y[2] * x[1], x[0] * y[2] - y[0] * x[2], x[1] * y[0] - y[1] * x[0]];
+        let (low, high) = (edges[0].min(edges[1]).min(edges[2]), edges[0].max(edges[1]).max(edges[2]));
+        let inside = low.cmpge(Vec4::ZERO) | high.cmple(Vec4::ZERO);
+        // The sign of an edge of zero counts only after it was taken again.
+        let doubtful = (edges[0].cmpeq(Vec4::ZERO) | edges[1].cmpeq(Vec4::ZERO) | edges[2].cmpeq(Vec4::ZERO)).bitmask();
+        let mut lanes = inside.bitmask() | doubtful;
+        while lanes != 0 {
+            let lane = lanes.trailing_zeros() as usize;
+            lanes &= lanes - 1;
+            let edge = if doubtful >> lane & 1 == 1 { exact_edges(x.map(|x| x[lane]), y.map(|y| y[lane])) } else { edges.map(|e| e[lane]) };
+            if let Some(crossing) = self.finish(edge, depth.map(|d| d[lane]), tmax) {
+                found(lane, crossing);
+            }
         }
+    }
+
+    /// The crossing of one triangle, from its edge functions and the depths of its corners along the main axis.
+    #[inline(always)]
+    fn finish(&self, edge: [f32; 3], depth: [f32; 3], tmax: f32) -> Option<Crossing> {
         let negative = edge[0] < 0.0 || edge[1] < 0.0 || edge[2] < 0.0;
         let positive = edge[0] > 0.0 || edge[1] > 0.0 || edge[2] > 0.0;
         let det = edge[0] + edge[1] + edge[2];
@@ -45,7 +62,7 @@ impl<const K: usize> Sheared<K> {
             return None;
         }
         let inverse = 1.0 / det;
-        let t = (edge[0] * local[0][K] + edge[1] * local[1][K] + edge[2] * local[2][K]) * self.shear_z * inverse;
+        let t = (edge[0] * depth[0] + edge[1] * depth[1] + edge[2] * depth[2]) * self.shear_z * inverse;
         (t > 0.0 && t <= tmax).then(|| (t, edge[1] * inverse, edge[2] * inverse))
     }
 }

@@ -33,12 +33,13 @@ fn sampling_matches_its_density() {
         [("lambert", lambert(0.5)), ("n 1", glossy(0.2, 0.5, 1.0)), ("n 15", glossy(0.3, 0.15, 15.0)), ("n 60", glossy(0.1, 0.8, 60.0))];
     let outs = [inclined(0.95), inclined(0.2)];
     type Sampler = Box<dyn Fn([f32; 2]) -> Vec3>;
-    let pairs: Vec<(&str, Sampler, Box<dyn Fn(Vec3) -> f32>)> = materials
+    type Density = Box<dyn Fn(Vec3) -> f32>;
+    let pairs: Vec<(&str, Sampler, Density)> = materials
         .into_iter()
         .flat_map(|(name, b)| outs.map(|wo| (name, b, wo)))
         .map(|(name, b, wo)| {
             let sample: Sampler = Box::new(move |u| b.sample(wo, u).map_or(Vec3::ZERO, |s| s.wi));
-            let pdf: Box<dyn Fn(Vec3) -> f32> = Box::new(move |wi| b.pdf(wi, wo));
+            let pdf: Density = Box::new(move |wi| b.pdf(wi, wo));
             (name, sample, pdf)
         })
         .collect();

@@ -67,7 +67,6 @@ impl Views {
     fn targets(&self) -> &Mirrored {
         self.toward.as_ref().unwrap_or(&self.mixed)
     }
-
 }
 
 /// Memory that is used again from site to site.

@@ -49,13 +49,58 @@ fn a_closed_emitting_box_sums_the_powers_of_its_albedo() {
     for (depth, kd, ke) in [(1u32, 0.6, 0.7), (2, 0.6, 0.7), (5, 0.6, 0.7), (40, 0.5, 0.5)] {
         let json = format!(r#"{{"samples":64,"max_depth":{depth},"directions":"4x8"}}"#);
         let all = tiles(&capture(closed_box(3.0, &lambert(kd, ke)), &json, Simd::Auto));
-        let expected: f64 = (0..depth).map(|k| f64::from(ke) * f64::from(kd).powi(k as i32)).sum();
+        let expected = (0..depth).fold(0.0, |sum, _| f64::from(ke) + f64::from(kd) * sum);
         for tile in &all {
             let got = mean(&tile.radiance);
             assert!((got / expected - 1.0).abs() < 0.02, "depth {depth}: {got} {expected}");
         }
         let overall = all.iter().map(|t| mean(&t.radiance)).sum::<f64>() / all.len() as f64;
         assert!((overall / expected - 1.0).abs() < 0.005, "depth {depth}: {overall} {expected}");
+    }
+}
+
+/// A sphere of radius 3 about (1, 2, 3), seen from inside, as one surface of 2 x 12 x 24 triangles less those at the poles.
+fn closed_sphere() -> Scene {
+    const RINGS: u32 = 12;
+    const SECTORS: u32 = 24;
+    let mut scene = empty();
+    let mut triangles = vec![];
+    for i in 0..=RINGS {
+        for j in 0..SECTORS {
+            let (sin_theta, cos_theta) = kiln_proto::math::sin_cos_degrees(180.0 * f64::from(i) / f64::from(RINGS));
+            let (sin_phi, cos_phi) = kiln_proto::math::sin_cos_degrees(360.0 * f64::from(j) / f64::from(SECTORS));
+            let p = DVec3::new(1.0, 2.0, 3.0) + 3.0 * DVec3::new(sin_theta * cos_phi, cos_theta, sin_theta * sin_phi);
+            scene.positions.push(p.as_vec3().to_array());
+            let at = |i: u32, j: u32| i * SECTORS + j % SECTORS;
+            let triangle = |corners: [u32; 3]| kiln_proto::scene::Triangle { corners, uv: None, polygon: 0 };
+            if i > 0 && i < RINGS {
+                triangles.push(triangle([at(i, j), at(i + 1, j), at(i, j + 1)]));
+                triangles.push(triangle([at(i, j + 1), at(i - 1, j + 1), at(i, j)]));
+            }
+        }
+    }
+    scene.materials.push(lambert(0.5, 0.5));
+    scene.surfaces.push(kiln_proto::scene::Surface { name: "sphere".into(), file_stem: "sphere".into(), material: 0, triangles });
+    scene
+}
+
+#[test]
+fn inside_a_closed_emitting_sphere_the_radiance_is_one_everywhere() {
+    for factor in [1e-3, 1.0, 1e3] {
+        let scene = BakeScene::new(scaled(closed_sphere(), factor), Simd::Auto).unwrap();
+        let queries: Vec<Query> = (0..scene.scene().triangle_count() as u32)
+            .step_by(7)
+            .map(|prim| {
+                let (c, n) = (scene.prim(prim).corners, scene.prim(prim).frame.normal);
+                // The middle of some triangles, right beside a corner of others.
+                let w = [Vec3::splat(1.0 / 3.0), Vec3::new(0.998, 0.001, 0.001)][prim as usize % 2];
+                Query { surface: "sphere".into(), position: c[0] * w.x + c[1] * w.y + c[2] * w.z, direction: n }
+            })
+            .collect();
+        let answers = evaluate(&scene, &queries, &settings(r#"{"samples":64,"max_depth":24}"#), 2);
+        let light: Vec<f32> = answers.into_iter().map(|a| a.unwrap().radiance.g).collect();
+        assert!(light.iter().all(|l| (l - 1.0).abs() < 0.12), "{light:?}");
+        assert!((mean(&light) - 1.0).abs() < 0.005, "{}", mean(&light));
     }
 }
 
@@ -217,4 +262,55 @@ fn a_plan_of_another_scene_is_refused() {
     let mut other = plan(scene.scene(), &settings("{}"));
     other.surfaces.pop();
     assert!(matches!(Capture::new(scene, Arc::new(other)), Err(CaptureError::Mismatch { .. })));
+}
+
+#[test]
+fn a_textured_light_emits_its_texture_and_is_sampled_by_its_mean() {
+    // Half of the light's texture is black: the floor gets about half the light, the light itself shows its texture.
+    let json = r#"{"samples":1024,"max_depth":2,"directions":"2x2","texture_sizes":{"light":"4x4","floor":"2x2"}}"#;
+    let bake = |texture: Option<Vec<u8>>| {
+        let mut scene = lit_floor(lambert(0.8, 0.0));
+        if let Some(rgb) = texture {
+            scene.textures.push(kiln_proto::scene::Texture { name: "t".into(), width: 4, height: 1, rgb });
+            scene.materials[1].emission_texture = Some(0);
+        }
+        tiles(&capture(scene, json, Simd::Auto))
+    };
+    let (plain, white) = (bake(None), bake(Some(vec![255; 12])));
+    let halved = bake(Some([[255u8; 3], [255; 3], [0; 3], [0; 3]].concat()));
+    assert!((mean(&white[0].radiance) / mean(&plain[0].radiance) - 1.0).abs() < 1e-4);
+    assert!((mean(&halved[0].radiance) / mean(&plain[0].radiance) - 0.5).abs() < 0.03);
+    assert!((mean(&halved[1].radiance) - 10.0).abs() < 0.2, "{}", mean(&halved[1].radiance));
+    // Columns 1 and 2 of the light's texels straddle no edge of the texture: fully bright and fully dark but for interpolation.
+    assert!(halved[1].radiance[12] > 15.0 && halved[1].radiance[36] < 15.0);
+}
+
+#[test]
+fn a_probe_counts_what_its_texels_show() {
+    let capture = capture(lit_floor(phong(0.3, 0.5, 20.0)), r#"{"samples":256,"max_depth":2,"directions":"4x8"}"#, Simd::Auto);
+    assert_eq!(capture.plan().tile_count(Phase::Probe), 2);
+    let mut sums = kiln_proto::probe::ProbeSums::new(2);
+    for tile in 0..2 {
+        sums.add(&capture.probe_tile(TileIndex(tile)).unwrap().0);
+    }
+    // All 64 texels of the floor toward 32 directions; the light, which emits, is left out.
+    assert_eq!(sums.histogram.iter().sum::<u64>(), 64 * 32);
+    assert!(sums.variation[0].0 > 0 && sums.variation[0].1 > 0);
+    assert_eq!(sums.variation[1], (0, 0), "the light shows the same toward every direction");
+    assert!(matches!(capture.probe_tile(TileIndex(2)), Err(CaptureError::NoSuchTile { .. })));
+}
+
+#[test]
+fn independent_paths_and_the_shared_gather_agree() {
+    let mut scene = lit_floor(phong(0.3, 0.5, 20.0));
+    add_quad(&mut scene, "wall", [0.0, 0.0, 0.0], [10.0, 0.0, 0.0], [0.0, 8.0, 0.0], mirror(0.3, 0.4, 0.2));
+    let json = r#"{"samples":4096,"max_depth":4,"directions":"3x4"}"#;
+    let capture = capture(scene, json, Simd::Auto);
+    for surface in [0, 2] {
+        let (ours, _) = shared(&capture, surface, (3, 5), &settings(json)).unwrap();
+        let (theirs, _) = per_direction(&capture, surface, (3, 5), &settings(json)).unwrap();
+        for (a, b) in ours.iter().zip(&theirs) {
+            assert!((a.r - b.r).abs() < 0.05 * b.r.max(0.05), "surface {surface}: {a:?} {b:?}");
+        }
+    }
 }

@@ -36,11 +36,11 @@ pub struct Lights {
 }
 
 impl Lights {
-    /// The lights among these emitters: those without power are left out.
+    /// The lights among these emitters: those without power, or too small to have a density, are left out.
     #[must_use]
     pub fn new(emitters: impl IntoIterator<Item = Emitter>) -> Self {
         let power = |e: &Emitter| f64::from(e.area) * f64::from(e.radiance);
-        let emitters: Vec<Emitter> = emitters.into_iter().filter(|e| power(e) > 0.0).collect();
+        let emitters: Vec<Emitter> = emitters.into_iter().filter(|e| power(e) > 0.0 && (1.0 / e.area).is_finite()).collect();
         let total: f64 = emitters.iter().map(power).sum();
         let mut below = 0.0;
         let mut cumulative: Vec<f32> = emitters
