@@ -183,7 +183,7 @@ impl Pick {
     }
 
     fn next(&mut self) -> bool {
-        let chance = u128::from(self.roll()) * u128::from(self.left) >> 64;
+        let chance = (u128::from(self.roll()) * u128::from(self.left)) >> 64;
         let chosen = chance < u128::from(self.wanted);
         self.left = self.left.saturating_sub(1);
         self.wanted -= u64::from(chosen);

@@ -24,19 +24,10 @@ pub(crate) fn settings(rule: Rule, raw: Option<RawFormat>) -> kiln_proto::settin
 
 /// The radiance of a texel toward one direction: a gloss that no rule keeps without loss.
 pub(crate) fn radiance(texel: &Texel, toward: glam::Vec3) -> [f32; 3] {
-    let gloss = (toward.dot(glam::Vec3::new(0.6, 0.64, 0.48)).max(0.0)).powi_exact(6);
+    let cosine = toward.dot(glam::Vec3::new(0.6, 0.64, 0.48)).max(0.0);
+    let gloss = (0..6).fold(1.0, |product, _| product * cosine);
     let p = texel.position;
     [0.1 + gloss, 0.2 + 0.5 * gloss * p.x, 0.3 + 0.25 * p.y + 0.125 * toward.x]
-}
-
-trait Power {
-    fn powi_exact(self, n: u32) -> f32;
-}
-
-impl Power for f32 {
-    fn powi_exact(self, n: u32) -> f32 {
-        (0..n).fold(1.0, |p, _| p * self)
-    }
 }
 
 fn scene() -> Scene {

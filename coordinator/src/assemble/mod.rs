@@ -157,7 +157,7 @@ pub fn assemble_surface(
     streams.finish(surface, &errors)
 }
 
-fn open(bytes: &[u8], plan: &Plan, tile: TileIndex) -> Result<TileSegment, AssembleError> {
+fn open(bytes: &[u8], plan: &Plan, tile: TileIndex) -> Result<Box<TileSegment>, AssembleError> {
     let fault = |source| AssembleError::Segment { tile, source };
     match segment::open(bytes, plan, Phase::Bake, tile).map_err(fault)? {
         Segment::Tile(segment) => Ok(segment),

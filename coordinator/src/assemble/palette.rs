@@ -2,7 +2,7 @@
 //!
 //! A bitmap of 2 MiB notes what occurs while colours go to a scratch file as they are. At the end ranks come from counting bits: a running
 //! count per 64-bit word (1 MiB) plus the bits below within the word. The map is sorted by colour, so it does not depend on the order in
-//! which tiles were baked. A hash map would be smaller for flat surfaces and twenty times larger for glossy ones.
+//! which tiles were baked. A hash set would be smaller for flat surfaces and has no bound that glossy ones keep.
 
 use super::{
     AssembleError,
@@ -124,4 +124,30 @@ impl Ranks {
 
 fn code(rgb: [u8; 3]) -> u32 {
     u32::from_be_bytes([0, rgb[0], rgb[1], rgb[2]])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use kiln_proto::settings::TextureSize;
+
+    /// 65,536 colours are the most that indices can name; one more makes colours direct.
+    #[test]
+    fn one_colour_too_many_makes_colours_direct() {
+        for (colours, bits, in_map) in [(65_536u32, 16, 65_536), (65_537, 24, 0)] {
+            let dir = tempfile::tempdir().unwrap();
+            std::fs::create_dir(dir.path().join("surfaces")).unwrap();
+            let mut palette = Palette::new(dir.path()).unwrap();
+            // Backwards and spread over all 24 bits, so that ranks are not the order of arrival.
+            let rgb = |k: u32| (k * 251).to_be_bytes();
+            (0..colours).rev().for_each(|k| palette.write(&rgb(k)[1..]).unwrap());
+            let size = TextureSize::new(512, 512).unwrap();
+            let header = Header { kind: Kind::Mtsp, bits: 32, size, depth: 2, count: 0, crc: 0 };
+            let coded = palette.finish(dir.path(), "s", header).unwrap();
+            assert_eq!((coded.bits, coded.colours), (bits, in_map));
+            let mtnc = std::fs::read(dir.path().join("surfaces/s.mtnc")).unwrap();
+            let first = if bits == 16 { (colours as u16).wrapping_sub(1).to_le_bytes().to_vec() } else { rgb(colours - 1)[1..].to_vec() };
+            assert_eq!((mtnc.len(), &mtnc[32..32 + first.len()]), (32 + colours as usize * usize::from(bits / 8), &first[..]));
+        }
+    }
 }

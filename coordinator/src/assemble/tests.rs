@@ -98,7 +98,9 @@ fn make(grid: SphericalGrid, levels: u64, raw: Option<RawFormat>) -> Made {
             Some(RawFormat::F32) => Raw::F32(samples.iter().map(|b| f32::from(*b) * 0.5).collect()),
         };
         let tile = TileIndex(index as u64);
-        Segment::Tile(TileSegment { tile, surface: 0, cell, grid, walk: Walk::Theta, mask, errors, rows, raw }).to_bytes().unwrap()
+        Segment::Tile(Box::new(TileSegment { tile, surface: 0, cell, grid, walk: Walk::Theta, mask, errors, rows, raw }))
+            .to_bytes()
+            .unwrap()
     };
     let covered = tiles.iter().map(|t| u64::from(t.covered)).sum();
     let surface = SurfacePlan { size, source: ChartSource::Author, uv: vec![[[0.0; 2]; 3]], charts: vec![0], covered, tiles };

@@ -26,25 +26,25 @@ pub fn open(bytes: &[u8], plan: &Plan, phase: Phase, tile: TileIndex) -> Result<
     // The raw samples dominate; asking before parsing keeps a worker from making us read 128 MiB for a tile of a few texels.
     let most = most_bytes(plan, phase, tile);
     if bytes.len() > most {
-        return Err(field("length", bytes.len(), format!("at most {most} bytes for this tile")));
+        return Err(field("length", bytes.len().to_string(), format!("at most {most} bytes for this tile")));
     }
     let segment = Segment::from_bytes(bytes)?;
     expect("tile", &segment.tile().0, &tile.0)?;
     match (&segment, phase) {
         (Segment::Probe(probe), Phase::Probe) => check_probe(probe, plan)?,
         (Segment::Tile(found), Phase::Bake) => {
-            let (surface, planned) = plan.locate(tile).ok_or_else(|| field("tile", tile, "a tile of the plan"))?;
+            let (surface, planned) = plan.locate(tile).ok_or_else(|| field("tile", tile.to_string(), "a tile of the plan"))?;
             expect("surface", &found.surface, &(surface as u32))?;
             check_tile(found, plan, &plan.surfaces[surface], planned)?;
         }
-        _ => return Err(field("phase", segment.phase(), phase)),
+        _ => return Err(field("phase", segment.phase().to_string(), phase.to_string())),
     }
     Ok(segment)
 }
 
 fn most_bytes(plan: &Plan, phase: Phase, tile: TileIndex) -> usize {
     match phase {
-        Phase::Probe => 1 << 13 | plan.surfaces.len() * 32,
+        Phase::Probe => (1 << 13) + plan.surfaces.len() * 32,
         Phase::Bake => {
             let raw = match plan.settings.raw {
                 None => 0,
@@ -91,7 +91,7 @@ fn check_tile(found: &TileSegment, plan: &Plan, surface: &SurfacePlan, planned: 
     if let Rule::Bounded { eps } = plan.settings.rule
         && found.errors.max() > eps
     {
-        return Err(field("largest error", found.errors.max(), format!("at most {eps}")));
+        return Err(field("largest error", found.errors.max().to_string(), format!("at most {eps}")));
     }
     Ok(())
 }

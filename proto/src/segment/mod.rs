@@ -53,7 +53,7 @@ pub enum Segment {
     /// Of the Probe phase: sums over its texels.
     Probe(ProbeSegment),
     /// Of the Bake phase: the light of its texels.
-    Tile(TileSegment),
+    Tile(Box<TileSegment>),
 }
 
 /// What one tile of the Probe phase found.
@@ -224,7 +224,7 @@ impl Segment {
         }
         let segment = TileSegment::read_payload(&header, &mut reader)?;
         reader.finish()?;
-        Ok(Segment::Tile(segment))
+        Ok(Segment::Tile(Box::new(segment)))
     }
 }
 
@@ -263,7 +263,8 @@ impl Header {
         let surface = reader.u32("surface")?;
         let cell = Cell { x: reader.u16("cell")?, y: reader.u16("cell")? };
         let (n_theta, n_phi) = (reader.u16("directions")?, reader.u16("directions")?);
-        let grid = SphericalGrid::new(n_theta.into(), n_phi.into()).map_err(|e| field("directions", format!("{n_theta}x{n_phi}"), e))?;
+        let grid = SphericalGrid::new(n_theta.into(), n_phi.into())
+            .map_err(|e| field("directions", format!("{n_theta}x{n_phi}"), e.to_string()))?;
         let rows = reader.u32("row count")?;
         let flags = reader.u16("flags")?;
         expect("reserved field", &reader.u16("reserved field")?, &0)?;
@@ -274,8 +275,8 @@ impl Header {
     }
 }
 
-fn field(field: &'static str, found: impl ToString, expected: impl ToString) -> SegmentError {
-    SegmentError::Field { field, found: found.to_string(), expected: expected.to_string() }
+fn field(field: &'static str, found: impl Into<String>, expected: impl Into<String>) -> SegmentError {
+    SegmentError::Field { field, found: found.into(), expected: expected.into() }
 }
 
 fn expect<T: PartialEq + std::fmt::Debug>(name: &'static str, found: &T, expected: &T) -> Result<(), SegmentError> {

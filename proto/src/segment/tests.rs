@@ -45,7 +45,7 @@ fn tile(raw: Raw) -> Segment {
     let mut errors = ErrorStats::default();
     errors.measure(&[[1; 3], [2; 3], [3; 3], [4; 3]], &[[1; 3], [2; 3], [3, 3, 5], [4; 3]]);
     let (cell, grid) = (Cell { x: 1, y: 0 }, "2x2".parse().unwrap());
-    Segment::Tile(TileSegment { tile: TileIndex(2), surface: 1, cell, grid, walk: Walk::Theta, mask, errors, rows, raw })
+    Segment::Tile(Box::new(TileSegment { tile: TileIndex(2), surface: 1, cell, grid, walk: Walk::Theta, mask, errors, rows, raw }))
 }
 
 fn probe() -> Segment {
@@ -137,7 +137,7 @@ fn lies_with_a_right_checksum_are_found() {
     assert!(forged(|b| b[rows + 2] = 4).contains("beyond the last"));
     assert!(forged(|b| b[raw + 4 * 14 + 2..raw + 4 * 14 + 4].copy_from_slice(&[0x80, 0x7f])).contains("row 1, depth 0"));
     assert!(forged(|b| b.push(0)).contains("1 bytes follow"));
-    assert!(forged(|b| drop(b.pop())).contains("raw samples"));
+    assert!(forged(|b| b.truncate(b.len() - 1)).contains("raw samples"));
 }
 
 #[test]

@@ -9,7 +9,7 @@
 //!          difference from the kept sample before it modulo 256 (the first from 0)
 //! raw      nothing, or rows x D x 3 u8 or f32 in depth order
 //! ```
-//! Gaps and differences are what zstd finds patterns in: on smooth data the stream is a third smaller than (depth, colour) pairs.
+//! Gaps and differences in planes are what zstd finds patterns in; (depth, colour) pairs, as in the files, would hide them.
 
 use super::{Header, SegmentError, bytes::Reader, expect, field};
 use crate::{

@@ -1,7 +1,7 @@
 //! From radiance to a segment: code to 8 bits, pick samples, decode again, measure, pack.
 //!
 //! Every row is decoded by the reference decoder before it leaves, so the errors of a segment are measured, not estimated, and with the
-//! bounded rule a row beyond its bound is an error here rather than a claim in a manifest. That costs about a tenth of the encoding.
+//! bounded rule a row beyond its bound is an error here rather than a claim in a manifest. That costs one more pass over each row.
 //! Rows are independent: they run in parallel on the current rayon pool and are collected in order, so the bytes do not depend on threads.
 
 pub mod pwl;
@@ -180,7 +180,7 @@ fn encode(
     let mask = mask_of(&target, rows)?;
     let coded = code(&target)?;
     let (kept, errors) = encode_rows(&target, rows, &coded.samples)?;
-    let segment = Segment::Tile(TileSegment {
+    let segment = Segment::Tile(Box::new(TileSegment {
         tile,
         surface: surface as u32,
         cell: planned.cell,
@@ -190,7 +190,7 @@ fn encode(
         errors,
         rows: kept,
         raw: coded.raw,
-    });
+    }));
     segment.to_bytes().map_err(|source| EncodeError::Segment { tile, source })
 }
 

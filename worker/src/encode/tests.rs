@@ -35,7 +35,7 @@ fn radiance() -> Vec<f32> {
     (0..rows().len() * D * 3).map(|k| ((k * k * 7) % 101) as f32 * 0.01).collect()
 }
 
-fn parse(bytes: &[u8], plan: &Plan) -> TileSegment {
+fn parse(bytes: &[u8], plan: &Plan) -> Box<TileSegment> {
     match segment::open(bytes, plan, Phase::Bake, TileIndex(0)).unwrap() {
         Segment::Tile(tile) => tile,
         Segment::Probe(_) => panic!("a tile was encoded"),

@@ -2,9 +2,9 @@
 //! original by more than eps.
 //!
 //! From each corner the cone of admissible slopes is narrowed sample by sample; the segment ends at the last step where a whole value
-//! within eps of the data lies in the cone of all samples before it. Corners need not be data: with eps = 2 that keeps about a quarter
-//! fewer of them than corners on data do. About O(D); the cone dies soon after the last usable step. An optimal choice of corners (a
-//! dynamic programme) keeps a few per cent fewer at D times the cost.
+//! within eps of the data lies in the cone of all samples before it. Corners need not be data, which lets segments reach further than
+//! corners on data do. Each segment costs one pass until the cone is empty. An optimal choice of corners, a dynamic programme over all
+//! pairs of steps, would keep fewer at O(D^2).
 
 use super::{Corner, cone::Cone, difference};
 use kiln_proto::codec::pwl::Sample;
