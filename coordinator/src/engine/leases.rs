@@ -200,9 +200,10 @@ async fn try_grant(core: &Core, worker: &WorkerRecord) -> Result<Option<LeaseGra
 /// How much of the candidate this worker gets.
 async fn size(core: &Core, worker: &WorkerRecord, candidate: &Candidate) -> Result<TileRun, EngineError> {
     let plan = core.plan(&candidate.plan).await?;
+    let speed = core.meter().speeds.of(worker.id, candidate.job, candidate.phase);
     let sizing = Sizing {
         target_ms: core.config.lease.target_ms,
-        speed: core.meter().speeds.of(worker.id, candidate.job, candidate.phase),
+        speed,
         threads: worker.threads,
         pending: candidate.pending,
         workers: core.present_workers(),
