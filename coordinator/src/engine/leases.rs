@@ -138,6 +138,7 @@ impl Engine {
             let mut meter = core.meter();
             meter.heard(row.worker, now);
             meter.rays(token, row.job, finish.rays, now);
+            meter.measured(row.worker, row.job, row.phase, row.texels, now - row.granted_ms);
             meter.ended(token);
         }
         if let Some(failure) = &finish.failure {

@@ -251,6 +251,8 @@ pub struct AttemptRow {
     pub state: Attempt,
     /// When it was granted.
     pub granted_ms: UnixMillis,
+    /// Texels it delivered first, gutters included.
+    pub texels: u64,
 }
 
 /// A tile of a chunk.
