@@ -160,6 +160,7 @@ pub(super) async fn note_failure(core: &Core, job: JobId, message: String) -> Re
     if hopeless {
         // It may have ended meanwhile; then there is nothing left to fail.
         let _ = core.store.job_event(job, &job::Event::Fail(problem), core.now()).await?;
+        core.meter().forget(job);
     } else {
         core.store.add_problem(job, &problem, core.now()).await?;
     }

@@ -196,8 +196,6 @@ pub enum TaskResult {
     Published(Vec<StoredPackageFile>),
     /// It cannot be done: the job fails.
     Failed(Problem),
-    /// Not now; it goes back to the queue.
-    Later,
 }
 
 /// Tiles that wait for a worker.
