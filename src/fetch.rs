@@ -30,11 +30,11 @@ pub async fn run(args: &FetchArgs, json: bool) -> Result<(), CommandError> {
 
 /// A folder that exists must be empty: files of two packages never mix.
 pub fn check_target(target: &Path) -> Result<(), CommandError> {
-    match std::fs::read_dir(target) {
-        Ok(mut entries) if entries.next().is_some() => {
+    match std::fs::read_dir(target).map(|mut entries| entries.next().is_some()) {
+        Ok(true) => {
             Err(CommandError::work(format!("{} is not empty; choose a folder that is empty or does not exist", target.display())))
         }
-        Ok(_) => Ok(()),
+        Ok(false) => Ok(()),
         Err(e) if e.kind() == std::io::ErrorKind::NotFound => Ok(()),
         Err(e) => Err(CommandError::work(format!("{}: {e}", target.display()))),
     }
@@ -55,7 +55,7 @@ pub async fn package(api: &Api, id: JobId, target: &Path) -> Result<(), CommandE
         }
         api.asset(id, &file.path, &to).await?;
         let (bytes, hash) = sha256(&to).map_err(|e| at(&to, &e))?;
-        if bytes != file.bytes || hash != file.sha256 {
+        if bytes != file.bytes || hash != file.sha256.to_string() {
             return Err(CommandError::work(format!("{} arrived damaged: {bytes} bytes, SHA-256 {hash}; fetch again", file.path)));
         }
     }

@@ -66,16 +66,16 @@ fn what_cannot_be_encoded_is_refused_and_leaves_nothing_behind() {
         let error = encode(&args).unwrap_err();
         (error.is_usage(), error.to_string())
     };
-    let (code, text) = refusal(args(&at("none"), &at("out")));
-    assert!(code == 1 && text.contains("keeps no raw radiance"), "{text}");
-    let (code, text) = refusal(Args { raw: Some(RawFormat::F32), ..args(&at("u8"), &at("out")) });
-    assert!(code == 2 && text.contains("8 bits only"), "{text}");
-    let (code, text) = refusal(Args { rule: Some(RuleName::Thesis), eps: Some(1), ..args(&at("u8"), &at("out")) });
-    assert!(code == 2 && text.contains("eps"), "{text}");
-    let (code, text) = refusal(args(&at("u8"), &at("none")));
-    assert!(code == 2 && text.contains("not empty"), "{text}");
+    let (usage, text) = refusal(args(&at("none"), &at("out")));
+    assert!(!usage && text.contains("keeps no raw radiance"), "{text}");
+    let (usage, text) = refusal(Args { raw: Some(RawFormat::F32), ..args(&at("u8"), &at("out")) });
+    assert!(usage && text.contains("8 bits only"), "{text}");
+    let (usage, text) = refusal(Args { rule: Some(RuleName::Thesis), eps: Some(1), ..args(&at("u8"), &at("out")) });
+    assert!(usage && text.contains("eps"), "{text}");
+    let (usage, text) = refusal(args(&at("u8"), &at("none")));
+    assert!(usage && text.contains("not empty"), "{text}");
     assert!(!at("out").exists());
     fs::write(at("u8/surfaces/lamp.mtex"), "short").unwrap();
-    let (code, text) = refusal(args(&at("u8"), &at("out")));
-    assert!(code == 1 && text.contains("lamp.mtex") && !at("out").exists(), "{text}");
+    let (usage, text) = refusal(args(&at("u8"), &at("out")));
+    assert!(!usage && text.contains("lamp.mtex") && !at("out").exists(), "{text}");
 }

@@ -56,7 +56,7 @@ fn one_changed_byte_is_named() {
         fs::write(&path, bytes).unwrap();
         let (result, text) = inspect(dir.path(), true, false);
         let error = result.unwrap_err();
-        assert_eq!(error.is_usage(), false);
+        assert!(!error.is_usage());
         assert!(error.to_string().contains(name) && text.contains("NOT VERIFIED"), "{error}\n{text}");
     }
 }
