@@ -1,71 +1,95 @@
 //! The engine: the one module that joins state machines, store, blobs, import and assembly.
 //!
-//! HTTP handlers, tests and `kiln bake` call its methods; everything it knows is in the store and the blobs, so that it may be dropped at any
-//! moment and opened again.
+//! HTTP handlers, tests and `kiln bake` call its methods. Everything it knows is in the store and the blobs, so that it may be dropped at
+//! any moment, as a crash does, and opened again: held leases stay held until their deadline, tasks are taken over, accepted segments
+//! stay accepted. What it keeps in memory (caches, speeds, who watches what) may be lost. Each sibling adds the methods of one concern.
 
+mod assembly;
+mod background;
+mod chunks;
+mod core;
 mod error;
+mod inspect;
+mod jobs;
+mod leases;
+mod meter;
+mod open;
+mod packages;
+pub mod ports;
+mod progress;
+mod report;
+mod runner;
+mod scenes;
+mod segments;
+mod signals;
+mod space;
+mod tasks;
+#[cfg(test)]
+mod tests;
 mod types;
 
+pub use self::core::Clock;
 pub use crate::{
     records::PackageFile,
     store::{EventPage, JobFilter},
 };
 pub use error::EngineError;
+pub use open::Parts;
 pub use types::{Download, Estimate, JobPage, Statistics, UploadedFile};
 
+use self::core::Core;
 use crate::{
     config::Config,
-    records::{JobRecord, NewJob, SceneRecord, UnixMillis, WorkerRecord},
+    records::{UnixMillis, WorkerRecord},
 };
-use bytes::Bytes;
-use kiln_proto::{
-    ids::{Digest, JobId, SceneHash, Token},
-    wire::message::{ChunkVerdict, Finish, Heartbeat, HeartbeatReply, Hello, LeaseGrant, LeaseRequest, Refusal, Welcome},
+use std::{
+    fs::File,
+    sync::{Arc, atomic::Ordering},
 };
-use std::{ops::Range, sync::Arc, time::Duration};
-use tempfile::{NamedTempFile, TempPath};
-use uuid::Uuid;
+use tempfile::NamedTempFile;
+use tokio::{sync::Mutex, task::JoinSet};
 
 /// A running coordinator without its HTTP face.
 pub struct Engine {
-    config: Config,
+    core: Arc<Core>,
+    /// Dropping the set stops the background work wherever it is.
+    background: Mutex<JoinSet<()>>,
+    /// Held for as long as this process owns the data folder.
+    _lock: File,
 }
 
-const LATER: EngineError = EngineError::Unavailable("this part is being written");
-const BUSY: Refusal = Refusal::Busy { retry_after_ms: 1_000 };
-
-#[allow(clippy::unused_async, unused_variables)]
 impl Engine {
-    /// Opens the data folder (created when missing), continues what an earlier coordinator began, and starts the background work.
-    ///
-    /// # Errors
-    /// A folder that cannot be created or written, is used by another coordinator, or holds a database that is damaged or of a later version.
-    pub async fn open(config: Config) -> Result<Arc<Engine>, EngineError> {
-        Ok(Arc::new(Engine { config }))
+    /// Stops the background work and wakes every waiting worker with nothing. Work that is running is given up: its tasks are taken over by
+    /// the next start. Dropping an engine without this is safe too: it is what a crash does.
+    pub async fn shut_down(&self) {
+        self.core.signals.stop();
+        self.background.lock().await.shutdown().await;
     }
-
-    /// Stops the background work and wakes every waiting worker with nothing. Calls after this are refused as unavailable. Dropping an
-    /// engine without this is safe too: it is what a crash does.
-    pub async fn shut_down(&self) {}
 
     /// What it was opened with.
     #[must_use]
     pub fn config(&self) -> &Config {
-        &self.config
+        &self.core.config
     }
 
     /// The time by this engine's clock.
     #[must_use]
     pub fn now(&self) -> UnixMillis {
-        0
+        self.core.now()
     }
 
-    /// Whether store and blobs answer and the disk has room: `/readyz`.
+    /// Whether the store answers and the disk has room: `/readyz`.
     ///
     /// # Errors
     /// What does not answer.
     pub async fn ready(&self) -> Result<(), EngineError> {
-        Err(LATER)
+        if self.core.signals.is_stopping() {
+            return Err(EngineError::Unavailable("it is shutting down"));
+        }
+        self.core.store.figures().await?;
+        let (path, needed) = (self.core.config.data_dir.clone(), self.core.config.reserve_bytes);
+        let free = space::free(&path)?;
+        if free < needed { Err(EngineError::NoSpace { needed, free, path }) } else { Ok(()) }
     }
 
     /// A file on the data folder's disk for a request body; removed when dropped, and at start-up.
@@ -73,138 +97,11 @@ impl Engine {
     /// # Errors
     /// A full or failing disk.
     pub fn spool(&self) -> Result<NamedTempFile, EngineError> {
-        Err(LATER)
-    }
-
-    /// Stores an uploaded scene and queues its import. The files are moved.
-    ///
-    /// # Errors
-    /// No file at all, names that leave the scene's folder, or a full disk.
-    pub async fn add_scene(&self, files: Vec<UploadedFile>) -> Result<SceneRecord, EngineError> {
-        Err(LATER)
-    }
-
-    /// A scene by the id of its upload or by its hash.
-    ///
-    /// # Errors
-    /// [`EngineError::NotFound`].
-    pub async fn scene(&self, name: &str) -> Result<SceneRecord, EngineError> {
-        Err(LATER)
-    }
-
-    /// The scene of an upload once it is ready or rejected, or as it is after `wait`.
-    ///
-    /// # Errors
-    /// [`EngineError::NotFound`].
-    pub async fn wait_for_scene(&self, id: Uuid, wait: Duration) -> Result<SceneRecord, EngineError> {
-        Err(LATER)
-    }
-
-    /// The canonical bytes of a scene, one zstd frame.
-    ///
-    /// # Errors
-    /// [`EngineError::NotFound`].
-    pub async fn scene_bytes(&self, scene: SceneHash) -> Result<Download, EngineError> {
-        Err(LATER)
-    }
-
-    /// The bytes of a plan, one zstd frame.
-    ///
-    /// # Errors
-    /// [`EngineError::NotFound`].
-    pub async fn plan_bytes(&self, plan: Digest) -> Result<Download, EngineError> {
-        Err(LATER)
-    }
-
-    /// Creates a job. Its scene may still be importing.
-    ///
-    /// # Errors
-    /// Settings out of range, an unknown or rejected scene.
-    pub async fn create_job(&self, new: NewJob) -> Result<JobRecord, EngineError> {
-        Err(LATER)
-    }
-
-    /// What a job would cost, without creating it. The scene must be ready.
-    ///
-    /// # Errors
-    /// As [`Engine::create_job`], and a scene that is still importing.
-    pub async fn estimate(&self, new: &NewJob) -> Result<Estimate, EngineError> {
-        Err(LATER)
-    }
-
-    /// A job.
-    ///
-    /// # Errors
-    /// [`EngineError::NotFound`].
-    pub async fn job(&self, job: JobId) -> Result<JobRecord, EngineError> {
-        Err(LATER)
-    }
-
-    /// Some jobs, youngest first.
-    ///
-    /// # Errors
-    /// A failing store.
-    pub async fn jobs(&self, filter: &JobFilter) -> Result<JobPage, EngineError> {
-        Err(LATER)
-    }
-
-    /// Cancels a job that has not ended; a job that has is left as it is.
-    ///
-    /// # Errors
-    /// [`EngineError::NotFound`].
-    pub async fn cancel_job(&self, job: JobId) -> Result<JobRecord, EngineError> {
-        Err(LATER)
-    }
-
-    /// Cancels a job and removes every trace of it, its package included.
-    ///
-    /// # Errors
-    /// [`EngineError::NotFound`].
-    pub async fn delete_job(&self, job: JobId) -> Result<(), EngineError> {
-        Err(LATER)
-    }
-
-    /// At most `limit` events of a job with a sequence number above `after`.
-    ///
-    /// # Errors
-    /// [`EngineError::NotFound`].
-    pub async fn events(&self, job: JobId, after: i64, limit: u32) -> Result<EventPage, EngineError> {
-        Err(LATER)
-    }
-
-    /// Resolves when the job has events above `after`, when it is deleted, or on shut-down; then ask again. May resolve without cause.
-    pub async fn wait_for_events(&self, job: JobId, after: i64) {}
-
-    /// The files of a finished job's package, by path; `manifest.json` and `report.json` are among them.
-    ///
-    /// # Errors
-    /// [`EngineError::NotFound`], and [`EngineError::Conflict`] before the job is done.
-    pub async fn package(&self, job: JobId) -> Result<Vec<PackageFile>, EngineError> {
-        Err(LATER)
-    }
-
-    /// One file of a finished job's package: its description, to decide on ETag and Range.
-    ///
-    /// # Errors
-    /// As [`Engine::package`], and a path that the package does not have.
-    pub async fn package_file(&self, job: JobId, path: &str) -> Result<PackageFile, EngineError> {
-        Err(LATER)
-    }
-
-    /// Bytes of a package file; `range` is clipped to its length.
-    ///
-    /// # Errors
-    /// As [`Engine::package_file`].
-    pub async fn read_package_file(&self, job: JobId, path: &str, range: Option<Range<u64>>) -> Result<Download, EngineError> {
-        Err(LATER)
-    }
-
-    /// The manifest of a finished job's package.
-    ///
-    /// # Errors
-    /// As [`Engine::package`].
-    pub async fn manifest(&self, job: JobId) -> Result<Bytes, EngineError> {
-        Err(LATER)
+        NamedTempFile::new_in(&self.core.spool).map_err(|source| EngineError::DataFolder {
+            path: self.core.spool.clone(),
+            doing: "creating a temporary file",
+            source,
+        })
     }
 
     /// Workers that were heard not too long ago, youngest first.
@@ -212,7 +109,8 @@ impl Engine {
     /// # Errors
     /// A failing store.
     pub async fn workers(&self) -> Result<Vec<WorkerRecord>, EngineError> {
-        Err(LATER)
+        let since = self.now() - self.core.config.keep.dead_workers_ms as i64;
+        Ok(self.core.store.workers(since).await?)
     }
 
     /// Figures for `/metrics`.
@@ -220,55 +118,27 @@ impl Engine {
     /// # Errors
     /// A failing store.
     pub async fn statistics(&self) -> Result<Statistics, EngineError> {
-        Err(LATER)
-    }
-
-    /// A worker introduces itself.
-    ///
-    /// # Errors
-    /// [`Refusal::Incompatible`]; [`Refusal::Busy`] while store or disk fail, here and in every call below.
-    pub async fn hello(&self, hello: &Hello) -> Result<Welcome, Refusal> {
-        Err(BUSY)
-    }
-
-    /// Work for a worker, as soon as there is some; `None` when the time it is willing to wait has passed.
-    ///
-    /// # Errors
-    /// [`Refusal::UnknownWorker`].
-    pub async fn lease(&self, request: &LeaseRequest) -> Result<Option<LeaseGrant>, Refusal> {
-        Err(BUSY)
-    }
-
-    /// A sign of life of an attempt.
-    ///
-    /// # Errors
-    /// Only [`Refusal::Busy`]: an attempt that is gone is answered with [`HeartbeatReply::Cancel`].
-    pub async fn heartbeat(&self, token: Token, heartbeat: &Heartbeat) -> Result<HeartbeatReply, Refusal> {
-        Err(BUSY)
-    }
-
-    /// A chunk of segments, spooled to a local file. Repeating (token, n) is a no-op with the same verdicts.
-    ///
-    /// # Errors
-    /// [`Refusal::Gone`] for attempts that may not deliver, [`Refusal::Invalid`] for bytes that are not a chunk of theirs (this fences the
-    /// attempt and puts its tiles back).
-    pub async fn chunk(&self, token: Token, n: u64, body: TempPath) -> Result<ChunkVerdict, Refusal> {
-        Err(BUSY)
-    }
-
-    /// The worker is done with an attempt: every tile has been delivered.
-    ///
-    /// # Errors
-    /// [`Refusal::Gone`]; [`Refusal::Invalid`] where tiles are missing, which go back to work.
-    pub async fn complete(&self, token: Token, finish: &Finish) -> Result<(), Refusal> {
-        Err(BUSY)
-    }
-
-    /// The worker gives the rest of an attempt back.
-    ///
-    /// # Errors
-    /// [`Refusal::Gone`].
-    pub async fn release(&self, token: Token, finish: &Finish) -> Result<(), Refusal> {
-        Err(BUSY)
+        let figures = self.core.store.figures().await?;
+        let counters = &self.core.counters;
+        let count = |counter: &std::sync::atomic::AtomicU64| counter.load(Ordering::Relaxed);
+        let states = ["queued", "preparing", "baking", "assembling", "done", "failed", "cancelled"];
+        let jobs = states.iter().map(|s| ((*s).to_owned(), figures.jobs.get(*s).copied().unwrap_or(0))).collect();
+        Ok(Statistics {
+            jobs,
+            tiles_pending: figures.tiles_pending,
+            tiles_leased: figures.tiles_leased,
+            attempts_held: figures.attempts_held,
+            workers: self.core.present_workers(),
+            tasks: figures.tasks,
+            disk_free_bytes: space::free(&self.core.config.data_dir)?,
+            leases_granted: count(&counters.leases_granted),
+            attempts_expired: count(&counters.attempts_expired),
+            chunks_accepted: count(&counters.chunks_accepted),
+            chunks_refused: count(&counters.chunks_refused),
+            chunk_bytes: count(&counters.chunk_bytes),
+            tiles_accepted: count(&counters.tiles_accepted),
+            tiles_duplicate: count(&counters.tiles_duplicate),
+            tiles_conflicting: count(&counters.tiles_conflicting),
+        })
     }
 }

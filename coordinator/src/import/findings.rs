@@ -97,9 +97,10 @@ impl Findings {
         warnings
     }
 
-    /// The errors; at least one, about `file`, so that a refusal is never silent.
+    /// The errors by file and line; at least one, about `file`, so that a refusal is never silent.
     pub(super) fn into_errors(self, file: &str) -> Vec<Problem> {
         let mut errors = self.errors;
+        errors.sort_by(|a, b| (&a.file, a.line).cmp(&(&b.file, b.line)));
         if errors.is_empty() {
             errors.push(At::file(file).problem("the scene could not be imported"));
         } else if errors.len() == MAX_ERRORS {

@@ -3,7 +3,7 @@
 //! The size is read and checked before a pixel is decoded, so a file of a kilobyte that promises a terabyte costs a kilobyte.
 
 use super::format::extension;
-use image::{DynamicImage, ImageFormat, ImageReader, Limits};
+use image::{DynamicImage, ImageFormat, ImageReader, Limits, imageops::flip_vertical_in_place};
 use kiln_proto::{limits, scene::Texture};
 use std::io::Cursor;
 
@@ -55,13 +55,17 @@ pub(super) fn decode(name: &str, bytes: &[u8]) -> Result<Decoded, TextureError> 
     reader.limits(bounds);
     let image = reader.decode()?;
     let transparent = is_transparent(&image);
+    let mut rgb = image.into_rgb8();
     // The scene's row 0 is v = 0, the bottom; an image's first row is its top.
-    let texture = Texture { name: name.to_owned(), width, height, rgb: image.flipv().into_rgb8().into_raw() };
-    Ok(Decoded { texture, transparent })
+    flip_vertical_in_place(&mut rgb);
+    Ok(Decoded { texture: Texture { name: name.to_owned(), width, height, rgb: rgb.into_raw() }, transparent })
 }
 
 fn is_transparent(image: &DynamicImage) -> bool {
-    image.color().has_alpha() && image.to_rgba8().pixels().any(|p| p.0[3] < 255)
+    match image {
+        DynamicImage::ImageRgba8(pixels) => pixels.pixels().any(|p| p.0[3] < 255),
+        other => other.color().has_alpha() && other.to_rgba8().pixels().any(|p| p.0[3] < 255),
+    }
 }
 
 #[cfg(test)]

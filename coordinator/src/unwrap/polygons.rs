@@ -180,7 +180,8 @@ fn chart(triangles: Range<usize>, corners: &[[DVec3; 3]], indices: &[[u32; 3]]) 
         corners.iter().map(|t| t.map(|p| DVec2::new((p - origin).dot(tangent), (p - origin).dot(bitangent)))).collect();
     let low = flat.iter().flatten().copied().reduce(DVec2::min).unwrap_or_default();
     let high = flat.iter().flatten().copied().reduce(DVec2::max).unwrap_or_default();
-    let extent = high - low;
+    // Never zero, so that shares of it are numbers.
+    let extent = (high - low).max(DVec2::splat(f64::MIN_POSITIVE));
     Chart { triangles, corners: flat.iter().map(|t| t.map(|p| ((p - low) / extent).clamp(DVec2::ZERO, DVec2::ONE))).collect(), extent }
 }
 

@@ -1,1 +1,181 @@
+use super::*;
+use kiln_proto::{
+    frame::FrameRule,
+    scene::{Lobe, Material, SCENE_VERSION, Triangle},
+    settings::SettingsPatch,
+    texel::{GUTTER, SurfaceRaster},
+    units::Rgb,
+};
+use proptest::prelude::*;
 
+/// A scene of one surface `s`.
+fn scene(positions: Vec<[f32; 3]>, triangles: Vec<Triangle>) -> Scene {
+    let grey = Material {
+        name: "grey".into(),
+        diffuse: Rgb::splat(0.5),
+        diffuse_texture: None,
+        specular: Rgb::BLACK,
+        lobe: Lobe::Phong { exponent: 1.0 },
+        emission: Rgb::BLACK,
+        emission_texture: None,
+    };
+    let surface = Surface { name: "s".into(), file_stem: "s".into(), material: 0, triangles };
+    Scene { version: SCENE_VERSION, positions, surfaces: vec![surface], materials: vec![grey], textures: vec![] }
+}
+
+/// A 4 m x 2 m rectangle of two triangles; its corners have these texture coordinates.
+fn rectangle(uv: Option<[[f32; 2]; 4]>) -> Scene {
+    let triangle = |c: [usize; 3]| Triangle { corners: c.map(|k| k as u32), uv: uv.map(|uv| c.map(|k| uv[k])), polygon: 0 };
+    scene(vec![[0.0; 3], [4.0, 0.0, 0.0], [4.0, 2.0, 0.0], [0.0, 2.0, 0.0]], vec![triangle([0, 1, 2]), triangle([0, 2, 3])])
+}
+
+const FULL: [[f32; 2]; 4] = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
+
+fn settings(json: &str) -> BakeSettings {
+    serde_json::from_str::<SettingsPatch>(json).unwrap().resolve().unwrap()
+}
+
+fn laid_out(scene: &Scene, json: &str) -> (SurfacePlan, Vec<String>) {
+    let layout = lay_out(scene, &settings(json)).unwrap();
+    (layout.surfaces[0].clone(), layout.warnings.iter().map(ToString::to_string).collect())
+}
+
+#[test]
+fn the_authors_coordinates_decide_size_and_charts() {
+    let size = |uv, json: &str| {
+        let (plan, warnings) = laid_out(&rectangle(Some(uv)), json);
+        assert_eq!((plan.source, warnings.len(), plan.charts), (ChartSource::Author, 0, vec![0, 0]));
+        plan.size.to_string()
+    };
+    assert_eq!(size(FULL, "{}"), "80x40");
+    assert_eq!(size(FULL, r#"{"texels_per_metre": 5, "texel_scale": 2}"#), "40x20");
+    assert_eq!(size(FULL, r#"{"texture_sizes": {"s": "30x10"}, "texel_scale": 1.5}"#), "45x15");
+    let half = FULL.map(|[u, v]| [u, v / 2.0]);
+    assert_eq!(size(half, "{}"), "80x80", "a chart on half of the texture needs twice the rows");
+    let mirrored = FULL.map(|[u, v]| [1.0 - u, v]);
+    assert_eq!(size(mirrored, "{}"), "80x40");
+    let beyond = FULL.map(|c| c.map(|v| v * 1.0002 - 0.0001));
+    assert_eq!(laid_out(&rectangle(Some(beyond)), "{}").0.uv[0][1][0], 1.0);
+}
+
+#[test]
+fn unusable_coordinates_are_replaced_with_the_reason() {
+    let why = |scene: &Scene, reason: &str| {
+        let (plan, warnings) = laid_out(scene, "{}");
+        assert_eq!((plan.source, plan.size.to_string()), (ChartSource::Polygons, "80x40".to_owned()));
+        assert!(warnings.len() == 1 && warnings[0].contains("surface `s`") && warnings[0].contains(reason), "{warnings:?}");
+    };
+    why(&rectangle(Some(FULL.map(|c| c.map(|v| v * 2.0)))), "leave the unit square (one is 2, 0)");
+    why(&rectangle(Some([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [1.0, 0.1]])), "overlap (at texel");
+    why(&rectangle(Some([[0.5; 2]; 4])), "no area in the texture");
+    let mut partial = rectangle(Some(FULL));
+    partial.surfaces[0].triangles[1].uv = None;
+    why(&partial, "1 of 2 triangles have none");
+    let (plan, warnings) = laid_out(&rectangle(None), "{}");
+    assert_eq!((plan.source, plan.size.to_string(), warnings.len()), (ChartSource::Polygons, "80x40".to_owned(), 0));
+}
+
+#[test]
+fn charts_of_the_author_follow_shared_edges() {
+    let mut apart = rectangle(Some(FULL));
+    if let Some(uv) = &mut apart.surfaces[0].triangles[1].uv {
+        // Moved a little to the left and up: the seam is no longer shared.
+        *uv = uv.map(|[u, v]| [(u - 0.1).max(0.0), v]);
+    }
+    apart.surfaces[0].triangles[0].uv = Some([[0.2, 0.0], [1.0, 0.0], [1.0, 0.8]]);
+    let (plan, _) = laid_out(&apart, "{}");
+    assert_eq!((plan.source, plan.charts), (ChartSource::Author, vec![0, 1]));
+}
+
+#[test]
+fn limits_are_kept_and_named() {
+    let error = |scene: &Scene, json: &str| lay_out(scene, &settings(json)).unwrap_err().to_string();
+    assert!(error(&rectangle(None), r#"{"texture_sizes": {"wall": "9x9"}}"#).contains("`wall`, which the scene does not have; it has s"));
+    assert!(error(&rectangle(None), r#"{"texture_sizes": {"s": "8000x8"}, "texel_scale": 2}"#).contains("16000x16"));
+    let (plan, warnings) = laid_out(&rectangle(Some(FULL)), r#"{"texels_per_metre": 4096}"#);
+    assert_eq!(plan.size.to_string(), "8192x4096");
+    assert!(warnings[0].contains("16384x8192"));
+    let (plan, warnings) = laid_out(&rectangle(None), r#"{"texels_per_metre": 4096}"#);
+    assert!(plan.size.width == 8192 && warnings[0].contains("do not fit"), "{warnings:?}");
+    let mut many = rectangle(Some(FULL));
+    // A chart that fills a small part of its texture wants a large texture.
+    for uv in many.surfaces[0].triangles.iter_mut().flat_map(|t| &mut t.uv) {
+        *uv = uv.map(|[u, v]| [u * 0.01, v * 0.005]);
+    }
+    many.surfaces = (0..15).map(|k| Surface { name: format!("s{k}"), ..many.surfaces[0].clone() }).collect();
+    assert!(error(&many, r#"{"texels_per_metre": 10000}"#).contains("texel_scale"));
+}
+
+#[test]
+fn an_explicit_size_holds_all_polygons_or_is_refused() {
+    let positions = (0..20).flat_map(|k| [[k as f32, 0.0, 0.0], [k as f32 + 0.9, 0.0, 0.0], [k as f32, 0.9, 0.0]]).collect();
+    let triangles = (0..20u32).map(|k| Triangle { corners: [3 * k, 3 * k + 1, 3 * k + 2], uv: None, polygon: k }).collect();
+    let scene = scene(positions, triangles);
+    let (plan, _) = laid_out(&scene, r#"{"texture_sizes": {"s": "60x50"}}"#);
+    assert_eq!(plan.size.to_string(), "60x50");
+    check(&scene, &plan).unwrap();
+    let refused = lay_out(&scene, &settings(r#"{"texture_sizes": {"s": "12x12"}}"#)).unwrap_err();
+    assert!(refused.message.contains("20 charts") && refused.message.contains("12x12"), "{refused}");
+}
+
+#[test]
+fn a_folded_polygon_is_cut_at_its_fold() {
+    let mut folded = rectangle(None);
+    folded.positions[3] = [0.0, 2.0, 3.0];
+    assert_eq!(laid_out(&folded, "{}").0.charts, [0, 1]);
+}
+
+/// What a layout promises: every chart has a texel, every covered texel is in one chart only, charts are two gutters apart, and every
+/// gutter texel borrows from within its reach.
+fn check(scene: &Scene, plan: &SurfacePlan) -> Result<(), TestCaseError> {
+    let (w, h) = (plan.size.width, plan.size.height);
+    let raster = SurfaceRaster::new(scene, &scene.surfaces[0], plan, FrameRule::Texture);
+    let chart_at: Vec<Option<u32>> = (0..w * h).map(|i| raster.texel(i % w, i / w).map(|t| plan.charts[t.triangle as usize])).collect();
+    let charts = plan.charts.iter().max().copied().unwrap_or(0) + 1;
+    for chart in 0..charts {
+        prop_assert!(chart_at.contains(&Some(chart)), "chart {chart} of {charts} covers no texel of {}", plan.size);
+    }
+    for (i, chart) in chart_at.iter().enumerate().filter_map(|(i, c)| c.map(|c| (i as i64, c))) {
+        let (x, y) = (i % i64::from(w), i / i64::from(w));
+        for dy in -2 * GUTTER..=2 * GUTTER {
+            for dx in -2 * GUTTER..=2 * GUTTER {
+                let (nx, ny) = (x + dx, y + dy);
+                if (0..i64::from(w)).contains(&nx) && (0..i64::from(h)).contains(&ny) {
+                    let other = chart_at[(ny * i64::from(w) + nx) as usize];
+                    prop_assert!(other.is_none_or(|o| o == chart), "charts {chart} and {other:?} meet at {nx}, {ny}");
+                }
+            }
+        }
+    }
+    Ok(())
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    /// Random convex polygons in random planes, thin ones among them.
+    #[test]
+    fn packed_polygons_keep_their_promises(
+        polygons in prop::collection::vec((prop::collection::vec(0.02f64..1.0, 3..8), prop::array::uniform3(-1.0f32..1.0), 0.01f32..1.0), 1..24),
+        explicit in any::<bool>(),
+    ) {
+        let (mut positions, mut triangles) = (vec![], vec![]);
+        for (id, (steps, tilt, thin)) in polygons.iter().enumerate() {
+            let (whole, first) = (steps.iter().sum::<f64>(), positions.len() as u32);
+            let mut turn = 0.0;
+            for step in steps {
+                let (sin, cos) = kiln_proto::math::sin_cos_degrees(turn * 360.0 / whole);
+                let (x, y) = (cos as f32, sin as f32 * thin);
+                positions.push([x + tilt[0] * y, y + 3.0 * id as f32, tilt[1] * x + tilt[2] * y]);
+                turn += step;
+            }
+            let n = steps.len() as u32;
+            triangles.extend((1..n - 1).map(|k| Triangle { corners: [first, first + k, first + k + 1], uv: None, polygon: id as u32 }));
+        }
+        let scene = scene(positions, triangles);
+        let json = if explicit { r#"{"texture_sizes": {"s": "128x96"}}"# } else { r#"{"texels_per_metre": 12}"# };
+        let layout = lay_out(&scene, &settings(json)).unwrap();
+        check(&scene, &layout.surfaces[0])?;
+        prop_assert_eq!(lay_out(&scene, &settings(json)).unwrap(), layout);
+    }
+}

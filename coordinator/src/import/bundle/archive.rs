@@ -82,13 +82,14 @@ fn entry_path<R: Read>(entry: &ZipFile<'_, R>) -> Result<Option<BundlePath>, Pro
 }
 
 /// Why an entry did not unpack.
-enum InflateError {
+#[derive(Debug)]
+pub(super) enum InflateError {
     Budget,
     Io(io::Error),
 }
 
 /// Writes the entry to a fresh file and returns its size, which is at most `budget`.
-fn inflate(entry: &mut impl Read, local: &Path, budget: u64) -> Result<u64, InflateError> {
+pub(super) fn inflate(entry: &mut impl Read, local: &Path, budget: u64) -> Result<u64, InflateError> {
     let mut file = File::create_new(local).map_err(InflateError::Io)?;
     let written = io::copy(&mut entry.take(budget + 1), &mut file).map_err(InflateError::Io)?;
     if written > budget { Err(InflateError::Budget) } else { Ok(written) }

@@ -1,14 +1,14 @@
 //! Gathering a scene from a folder, as the command line does before it uploads: the main file and everything it refers to.
 //!
 //! Only files inside the main file's folder are taken: a scene that someone else made must not be able to name `/etc/passwd` or
-//! `../../.ssh/id_ed25519` and have it uploaded. What is outside is reported as missing.
+//! `../../.ssh/id_ed25519`, nor to reach them through a link, and have them uploaded. What is outside is reported as missing.
 
 use super::{Bundle, BundlePath, Content, plain, problem, unreadable};
 use crate::{import::obj, records::Problem};
 use kiln_proto::limits;
 use std::{
     collections::{BTreeMap, BTreeSet},
-    path::Path,
+    path::{Path, PathBuf},
 };
 
 /// The scene file `main` with the files it refers to, and those it refers to in vain. A ZIP is unpacked into `scratch` instead.
@@ -28,12 +28,13 @@ pub fn collect(main: &Path, scratch: &Path) -> Result<(Bundle, Vec<Problem>), Pr
         super::Format::Obj => {}
     }
     let root = BundlePath::parse(name).map_err(|e| problem(&shown, e.to_string()))?;
-    let folder = main.parent().unwrap_or(Path::new("."));
+    let parent = main.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let folder = parent.canonicalize().map_err(|e| unreadable(&parent.display().to_string(), &e))?;
     let mut walk = Walk { folder, files: BTreeMap::new(), missing: vec![] };
     let text = read_text(main, &shown)?;
     walk.files.insert(root.clone(), Content::File(main.to_owned()));
     for path in walk.libraries(&root, &text) {
-        let library = folder.join(path.as_str());
+        let library = walk.folder.join(path.as_str());
         let text = read_text(&library, path.as_str())?;
         walk.textures(&path, &text);
     }
@@ -41,13 +42,14 @@ pub fn collect(main: &Path, scratch: &Path) -> Result<(Bundle, Vec<Problem>), Pr
     Ok((bundle, walk.missing))
 }
 
-struct Walk<'a> {
-    folder: &'a Path,
+struct Walk {
+    /// Without links.
+    folder: PathBuf,
     files: BTreeMap<BundlePath, Content>,
     missing: Vec<Problem>,
 }
 
-impl Walk<'_> {
+impl Walk {
     /// Adds the material libraries of an OBJ and returns their paths.
     fn libraries(&mut self, root: &BundlePath, text: &str) -> BTreeSet<BundlePath> {
         let mut libraries = BTreeSet::new();
@@ -71,7 +73,13 @@ impl Walk<'_> {
     }
 
     fn exists(&self, from: &BundlePath, name: &str) -> bool {
-        from.join(name).is_some_and(|p| self.folder.join(p.as_str()).is_file())
+        from.join(name).is_some_and(|p| self.is_inside(&p))
+    }
+
+    /// Whether the path is a file of the folder, also after its links are followed.
+    fn is_inside(&self, path: &BundlePath) -> bool {
+        let real = self.folder.join(path.as_str()).canonicalize();
+        real.is_ok_and(|real| real.starts_with(&self.folder) && real.is_file())
     }
 
     /// Adds a file of the folder. Where the very path is not there, the file name beside the referring file or beside the scene will
@@ -79,7 +87,7 @@ impl Walk<'_> {
     fn add(&mut self, from: &BundlePath, name: &str) -> Option<BundlePath> {
         let bare = name.rsplit(['/', '\\']).next().unwrap_or(name);
         let candidates = [from.join(name), from.join(bare), BundlePath::parse(bare).ok()];
-        let path = candidates.into_iter().flatten().find(|p| self.folder.join(p.as_str()).is_file())?;
+        let path = candidates.into_iter().flatten().find(|p| self.is_inside(p))?;
         self.files.insert(path.clone(), Content::File(self.folder.join(path.as_str())));
         Some(path)
     }

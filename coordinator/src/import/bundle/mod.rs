@@ -23,6 +23,9 @@ use std::{
 };
 use tempfile::TempDir;
 
+/// What a scene sent without a name is called.
+const UNNAMED: &str = "scene.obj";
+
 /// The bytes of one file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Content {
@@ -65,7 +68,8 @@ pub enum Found<'a> {
 
 impl Bundle {
     /// A bundle from the parts of an upload: one scene file, several files, or one ZIP, which is unpacked into a folder inside `scratch`.
-    /// `choice` names the main file where there are several scenes.
+    /// `choice` names the main file where there are several scenes. A lone part
+    /// may have an empty name.
     ///
     /// # Errors
     /// Unsafe or duplicate paths, too many files or bytes, a broken archive, no scene or more than one, a format that is not read.
@@ -78,9 +82,11 @@ impl Bundle {
                 Content::File(path) => Self::from_zip(File::open(path).map_err(|e| unreadable(&part.name, &e))?, choice, scratch),
             };
         }
+        let only = parts.len() == 1;
         let mut files = BTreeMap::new();
         for part in parts {
-            let path = BundlePath::parse(&part.name).map_err(|e| problem(&part.name, e.to_string()))?;
+            let name = if only && part.name.is_empty() { UNNAMED } else { &part.name };
+            let path = BundlePath::parse(name).map_err(|e| problem(&part.name, e.to_string()))?;
             if files.contains_key(&path) {
                 return Err(problem(path.as_str(), "the upload has two files of this name"));
             }

@@ -17,7 +17,10 @@ use kiln_proto::{
     limits,
     scene::{Surface, Triangle},
 };
-use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
+use std::{
+    collections::{BTreeMap, BTreeSet, HashMap, HashSet},
+    ops::Range,
+};
 
 /// A triangle whose doubled area is below this share of its longest side squared has no direction to speak of.
 const NO_AREA: f64 = 1e-10;
@@ -30,6 +33,22 @@ struct Part {
     line: u32,
     polygons: u32,
     triangles: Vec<Triangle>,
+}
+
+/// One polygon of a model.
+struct Face<'m> {
+    mesh: &'m tobj::Mesh,
+    /// Where its corners stand among the mesh's indices.
+    corners: Range<usize>,
+    note: FaceNote,
+}
+
+impl Face<'_> {
+    /// The texture coordinates of its corners, where the file has them.
+    fn uv(&self) -> Option<Vec<[f32; 2]>> {
+        let at = |i: &u32| [0, 1].map(|k| self.mesh.texcoords[2 * *i as usize + k] + 0.0);
+        self.note.has_uv.then(|| self.mesh.texcoord_indices[self.corners.clone()].iter().map(at).collect())
+    }
 }
 
 /// Builds surfaces from models.
@@ -67,11 +86,12 @@ impl<'a> Builder<'a> {
         let mut notes = self.scan.notes.iter();
         for model in models {
             let group = model.name.parse::<usize>().ok().and_then(|i| self.scan.groups.get(i)).copied().unwrap_or_default();
-            let mut corner = 0;
-            let arities = face_sizes(&model.mesh);
-            for (arity, note) in arities.zip(&mut notes) {
-                self.face(&model.mesh, corner, arity, group, *note, materials, findings);
-                corner += arity;
+            let mut end = 0;
+            for (arity, note) in face_sizes(&model.mesh).zip(&mut notes) {
+                let face = Face { mesh: &model.mesh, corners: end..end + arity, note: *note };
+                end += arity;
+                let part = self.part(group, note.line, materials, findings);
+                self.face(&face, part, findings);
                 if self.count > limits::TRIANGLES {
                     let message = format!("the scene has more than {} triangles", limits::TRIANGLES);
                     findings.error(At::line(self.file, note.line), message);
@@ -81,25 +101,11 @@ impl<'a> Builder<'a> {
         }
     }
 
-    #[allow(clippy::too_many_arguments)] // One call, and the mesh cannot be sliced: its indices are relative.
-    fn face(
-        &mut self,
-        mesh: &tobj::Mesh,
-        first: usize,
-        arity: usize,
-        group: Group,
-        note: FaceNote,
-        materials: &mut Materials<'_>,
-        findings: &mut Findings,
-    ) {
-        let at = At::line(self.file, note.line);
-        let corners: Vec<u32> = mesh.indices[first..first + arity].iter().map(|i| self.place(mesh, *i)).collect();
-        let uv: Option<Vec<[f32; 2]>> = note.has_uv.then(|| {
-            let uv = |i: &u32| [mesh.texcoords[2 * *i as usize] + 0.0, mesh.texcoords[2 * *i as usize + 1] + 0.0];
-            mesh.texcoord_indices[first..first + arity].iter().map(uv).collect()
-        });
+    fn face(&mut self, face: &Face<'_>, part: usize, findings: &mut Findings) {
+        let at = At::line(self.file, face.note.line);
+        let corners: Vec<u32> = face.mesh.indices[face.corners.clone()].iter().map(|i| self.place(face.mesh, *i)).collect();
+        let uv = face.uv();
         let world: Vec<DVec3> = corners.iter().map(|c| Vec3::from_array(self.positions[*c as usize]).as_dvec3()).collect();
-        let part = self.part(group, note.line, materials, findings);
         let polygon = self.parts[part].polygons;
         self.parts[part].polygons += 1;
         for t in polygon::triangulate(&world) {

@@ -125,4 +125,17 @@ pub(super) fn split_names(operands: &str, exists: impl Fn(&str) -> bool) -> Vec<
 }
 
 #[cfg(test)]
-mod tests;
+mod tests {
+    use super::*;
+
+    #[test]
+    fn library_names_may_hold_blanks() {
+        let files = ["a b.mtl", "c.mtl", "d e"];
+        let split = |operands: &str| split_names(operands, |n| files.contains(&n));
+        assert_eq!(split("a b.mtl c.mtl"), ["a b.mtl", "c.mtl"]);
+        assert_eq!(split("\"a b.mtl\" d e"), ["a b.mtl", "d e"]);
+        assert_eq!(split("gone.mtl c.mtl"), ["gone.mtl", "c.mtl"]);
+        assert_eq!(split("also gone.MTL x y"), ["also gone.MTL", "x y"]);
+        assert_eq!(split(""), [""; 0]);
+    }
+}

@@ -13,6 +13,9 @@ use std::{collections::BTreeMap, fmt::Write as _};
 /// Corners of one polygon: ear clipping takes their square.
 const POLYGON_CORNERS: usize = 4_096;
 
+/// References to later definitions that are noted one by one.
+const AHEAD: usize = 1_000;
+
 /// Which object, group and material a face belongs to: indices into the names of the scan.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
 pub(super) struct Group {
@@ -49,7 +52,8 @@ pub(super) struct Scan {
 
 /// Scans a text. Faults go into `findings`; the outcome is whole only if there are none.
 pub(super) fn scan(file: &str, text: &str, findings: &mut Findings) -> Scan {
-    let mut scanner = Scanner { file, findings, out: Scan::default(), counts: [0; 3], ahead: vec![], state: State::default() };
+    let mut scanner =
+        Scanner { file, findings, out: Scan::default(), counts: [0; 3], ahead: vec![], highest: [0; 3], state: State::default() };
     for statement in text::statements(text) {
         scanner.statement(&statement);
         if scanner.findings.is_full() {
@@ -77,6 +81,8 @@ struct Scanner<'a> {
     counts: [i64; 3],
     /// Indices beyond what was defined where they stand: (line, kind, index). Allowed if the definition follows.
     ahead: Vec<(u32, usize, i64)>,
+    /// The highest of them by kind.
+    highest: [i64; 3],
     state: State,
 }
 
@@ -193,7 +199,7 @@ impl Scanner<'_> {
     fn face(&mut self, line: u32, rest: &str) {
         let corners = rest.split_whitespace().count();
         if !(3..=POLYGON_CORNERS).contains(&corners) {
-            self.error(line, format!("the face has {corners} corners; 3 to {POLYGON_CORNERS} are allowed"));
+            self.error(line, format!("a face has 3 to {POLYGON_CORNERS} corners; this one has {corners}"));
             return;
         }
         if self.out.notes.len() >= limits::TRIANGLES {
@@ -235,21 +241,20 @@ impl Scanner<'_> {
 
     /// Positive indices, from 1, of the vertex and the texture coordinate of a corner.
     fn corner(&mut self, line: u32, corner: &str) -> Option<(i64, Option<i64>)> {
-        let mut parts = corner.split('/');
-        let mut index = |kind: usize, scanner: &mut Self| match parts.next() {
-            None | Some("") => Some(None),
-            Some(word) => scanner.index(line, kind, word).map(Some),
-        };
-        let (v, t, n) = (index(0, self)?, index(1, self)?, index(2, self)?);
-        let _ = n;
-        match v {
-            Some(v) if parts.next().is_none() => Some((v, t)),
-            _ => {
-                let shown: String = corner.chars().take(40).collect();
-                self.error(line, format!("the face has the corner `{shown}`; expected vertex, vertex/texture or vertex/texture/normal"));
-                None
-            }
+        let parts: Vec<&str> = corner.split('/').take(4).collect();
+        if parts.len() > 3 || parts[0].is_empty() {
+            let shown: String = corner.chars().take(40).collect();
+            self.error(line, format!("the face has the corner `{shown}`; expected vertex, vertex/texture or vertex/texture/normal"));
+            return None;
         }
+        let vertex = self.index(line, 0, parts[0])?;
+        let mut optional = |kind: usize| match parts.get(kind) {
+            None | Some(&"") => Some(None),
+            Some(word) => self.index(line, kind, word).map(Some),
+        };
+        let texture = optional(1)?;
+        optional(2)?;
+        Some((vertex, texture))
     }
 
     fn index(&mut self, line: u32, kind: usize, word: &str) -> Option<i64> {
@@ -274,7 +279,9 @@ impl Scanner<'_> {
             self.error(line, format!("the face uses {what} {index}, but only {count} are defined so far"));
             return None;
         }
-        if resolved > count && self.ahead.len() < 10_000 {
+        // The highest is always noted, so nothing undefined slips through; of the others, more than can be reported.
+        if resolved > count && (self.ahead.len() < AHEAD || resolved > self.highest[kind]) {
+            self.highest[kind] = self.highest[kind].max(resolved);
             self.ahead.push((line, kind, resolved));
         }
         Some(resolved)

@@ -1,0 +1,81 @@
+//! What happens without being asked for: tasks, expiry, forgetting, collecting garbage.
+
+use super::{core::Core, runner};
+use crate::records::UnixMillis;
+use std::{
+    sync::{Arc, atomic::Ordering},
+    time::{Duration, UNIX_EPOCH},
+};
+use tokio::task::JoinSet;
+
+/// How often the clock is looked at, milliseconds: a fraction of a heartbeat, so that expiry is prompt.
+const SWEEP_PART: u64 = 4;
+/// How often old rows and unnamed blobs are looked for.
+const TIDY: Duration = Duration::from_secs(600);
+/// Attempts that ended are remembered for repeated calls this long, milliseconds.
+const ATTEMPTS_KEPT: i64 = 600_000;
+
+/// Starts all of it.
+pub(super) fn start(core: &Arc<Core>, set: &mut JoinSet<()>) {
+    for _ in 0..core.config.tasks {
+        set.spawn(runner::run(Arc::clone(core)));
+    }
+    set.spawn(sweep(Arc::clone(core)));
+    set.spawn(tidy(Arc::clone(core)));
+}
+
+async fn sweep(core: Arc<Core>) {
+    let every = Duration::from_millis((core.config.lease.heartbeat_ms / SWEEP_PART).max(1));
+    while !core.signals.is_stopping() {
+        tokio::time::sleep(every).await;
+        expire(&core).await;
+    }
+}
+
+/// Lets everything expire whose time has come.
+pub(super) async fn expire(core: &Core) {
+    match core.store.expire(core.now()).await {
+        Ok(expiry) if expiry.attempts + expiry.tasks > 0 => {
+            tracing::warn!(attempts = expiry.attempts, tasks = expiry.tasks, "expired; the work goes back");
+            core.counters.attempts_expired.fetch_add(expiry.attempts, Ordering::Relaxed);
+            core.signals.work.notify_waiters();
+            core.signals.tasks.notify_waiters();
+        }
+        Ok(_) => {}
+        Err(error) => tracing::error!(%error, "looking for expired leases failed"),
+    }
+}
+
+async fn tidy(core: Arc<Core>) {
+    while !core.signals.is_stopping() {
+        tokio::time::sleep(TIDY).await;
+        let now = core.now();
+        let workers_before = now - core.config.keep.dead_workers_ms as i64;
+        if let Err(error) = core.store.forget(now - ATTEMPTS_KEPT, workers_before).await {
+            tracing::error!(%error, "forgetting old attempts failed");
+        }
+        match collect(&core, now - core.config.keep.unnamed_blobs_ms as i64).await {
+            Ok(0) => {}
+            Ok(blobs) => tracing::info!(blobs, "removed blobs that nothing names"),
+            Err(error) => tracing::error!(%error, "collecting unnamed blobs failed"),
+        }
+    }
+}
+
+/// Removes blobs that no row names and that were last written before a moment. How many.
+pub(super) async fn collect(core: &Core, before: UnixMillis) -> Result<u64, super::EngineError> {
+    let mut removed = 0;
+    for (name, written) in core.blobs.list().await? {
+        let written = written.duration_since(UNIX_EPOCH).map_or(0, |d| d.as_millis() as i64);
+        if written >= before {
+            continue;
+        }
+        // Alone: nobody is between writing this blob again and naming it.
+        let _alone = core.gate.write().await;
+        if !core.store.names(name).await? {
+            core.blobs.delete(name).await?;
+            removed += 1;
+        }
+    }
+    Ok(removed)
+}

@@ -1,0 +1,172 @@
+//! Jobs: create, estimate, look, cancel, delete, follow.
+
+use super::{Engine, EngineError, Estimate, EventPage, JobFilter, JobPage, core::blocking, progress, space};
+use crate::{
+    job::Event,
+    records::{JobRecord, NewJob, Problem, SceneState},
+    store::{JobSpec, SceneRow},
+};
+use kiln_proto::{BAKE_VERSION, ids::JobId, limits, plan::Plan, settings::BakeSettings, wire::message::Phase};
+use std::sync::Arc;
+
+/// Labels of one job.
+const LABELS: usize = 64;
+
+fn not_found(job: JobId) -> EngineError {
+    EngineError::NotFound { what: "job", id: job.to_string() }
+}
+
+impl Engine {
+    /// Creates a job. Its scene may still be importing.
+    ///
+    /// # Errors
+    /// Settings out of range, an unknown or rejected scene, texture sizes for surfaces that a ready scene does not have.
+    pub async fn create_job(&self, new: NewJob) -> Result<JobRecord, EngineError> {
+        let (scene, settings) = self.validate(&new).await?;
+        let spec = JobSpec {
+            id: JobId::random(),
+            scene: scene.record.id,
+            settings,
+            priority: new.priority,
+            labels: new.labels,
+            bake_version: BAKE_VERSION,
+        };
+        let row = self.core.store.add_job(&spec, self.now()).await?;
+        self.core.signals.tasks.notify_waiters();
+        Ok(progress::record(&self.core, row))
+    }
+
+    async fn validate(&self, new: &NewJob) -> Result<(SceneRow, BakeSettings), EngineError> {
+        let settings = new.settings.resolve().map_err(|e| EngineError::invalid(e.to_string()))?;
+        let long = |text: &String| text.len() > limits::NAME_BYTES;
+        if new.labels.len() > LABELS || new.labels.iter().any(|(k, v)| long(k) || long(v)) {
+            return Err(EngineError::invalid(format!("labels: at most {LABELS}, each name and value up to {} bytes", limits::NAME_BYTES)));
+        }
+        let scene = self.find_scene(&new.scene).await?;
+        if scene.record.state == SceneState::Rejected {
+            let rejected = Problem { message: format!("the scene {} was rejected", new.scene), file: None, line: None };
+            return Err(EngineError::Invalid([vec![rejected], scene.record.problems].concat()));
+        }
+        if let Some(statistics) = &scene.record.statistics {
+            let strange = settings.texture_sizes.keys().filter(|name| !statistics.surfaces.contains(name));
+            let problems: Vec<Problem> = strange
+                .map(|name| Problem {
+                    message: format!("texture_sizes: the scene has no surface `{name}`; it has {}", statistics.surfaces.join(", ")),
+                    file: None,
+                    line: None,
+                })
+                .collect();
+            if !problems.is_empty() {
+                return Err(EngineError::Invalid(problems));
+            }
+        }
+        Ok((scene, settings))
+    }
+
+    /// What a job would cost, without creating it. The scene must be ready.
+    ///
+    /// # Errors
+    /// As [`Engine::create_job`], and a scene that is still importing.
+    pub async fn estimate(&self, new: &NewJob) -> Result<Estimate, EngineError> {
+        let (row, settings) = self.validate(new).await?;
+        let hash = row.record.scene.ok_or_else(|| EngineError::Conflict {
+            what: format!("the scene {}", row.record.id),
+            state: "still being imported".into(),
+            needed: "try again when it is ready".into(),
+        })?;
+        let scene = self.core.scene(hash).await?;
+        let names: Vec<String> = scene.surfaces.iter().map(|s| s.name.clone()).collect();
+        let pipeline = Arc::clone(&self.core.pipeline);
+        let planned = blocking({
+            let settings = settings.clone();
+            move || pipeline.plan(&scene, hash, &settings)
+        });
+        let (plan, warnings) = planned.await?.map_err(|problem| EngineError::Invalid(vec![problem]))?;
+        Ok(Estimate {
+            texels: plan.covered(),
+            tiles: plan.tile_count(Phase::Bake),
+            surfaces: names.into_iter().zip(plan.surfaces.iter().map(|s| s.size.to_string())).collect(),
+            raw_bytes: plan.surfaces.iter().map(|s| s.size.texels()).sum::<u64>() * u64::from(settings.directions.len()) * 3,
+            disk_bytes: space::expected(&plan, &settings),
+            seconds: self.seconds(&plan, &settings).await?,
+            warnings,
+        })
+    }
+
+    /// Seconds to expect with the workers connected now: an order of magnitude, good enough to tell minutes from days.
+    async fn seconds(&self, plan: &Plan, settings: &BakeSettings) -> Result<Option<f64>, EngineError> {
+        const PATHS_PER_SECOND: f64 = 250_000.0;
+        let since = self.now() - (self.core.config.lease.ttl_ms + self.core.config.lease.poll_ms) as i64;
+        let threads: u64 = self.core.store.workers(since).await?.iter().map(|w| u64::from(w.threads)).sum();
+        let paths = plan.covered() as f64 * f64::from(settings.samples);
+        Ok((threads > 0).then(|| paths / (PATHS_PER_SECOND * threads as f64)))
+    }
+
+    /// A job.
+    ///
+    /// # Errors
+    /// [`EngineError::NotFound`].
+    pub async fn job(&self, job: JobId) -> Result<JobRecord, EngineError> {
+        let row = self.core.store.job(job).await?.ok_or_else(|| not_found(job))?;
+        Ok(progress::record(&self.core, row))
+    }
+
+    /// Some jobs, youngest first.
+    ///
+    /// # Errors
+    /// A failing store.
+    pub async fn jobs(&self, filter: &JobFilter) -> Result<JobPage, EngineError> {
+        let limit = if filter.limit == 0 { 100 } else { filter.limit.min(999) };
+        // One more than asked for tells whether there is a next page.
+        let mut rows = self.core.store.jobs(&JobFilter { limit: limit + 1, ..filter.clone() }).await?;
+        let more = rows.len() > limit as usize;
+        rows.truncate(limit as usize);
+        let next = rows.last().filter(|_| more).map(|row| row.spec.id);
+        Ok(JobPage { jobs: rows.into_iter().map(|row| progress::record(&self.core, row)).collect(), next })
+    }
+
+    /// Cancels a job that has not ended; a job that has is left as it is.
+    ///
+    /// # Errors
+    /// [`EngineError::NotFound`].
+    pub async fn cancel_job(&self, job: JobId) -> Result<JobRecord, EngineError> {
+        // That it has ended already is no error: the caller wants it to be over, and it is.
+        let _ = self.core.store.job_event(job, &Event::Cancel, self.now()).await?.ok_or_else(|| not_found(job))?;
+        self.core.meter().forget(job);
+        self.core.signals.job_changed(job);
+        self.job(job).await
+    }
+
+    /// Cancels a job and removes every trace of it, its package included. Blobs follow when they are collected.
+    ///
+    /// # Errors
+    /// [`EngineError::NotFound`].
+    pub async fn delete_job(&self, job: JobId) -> Result<(), EngineError> {
+        if !self.core.store.delete_job(job).await? {
+            return Err(not_found(job));
+        }
+        self.core.meter().forget(job);
+        self.core.signals.job_changed(job);
+        Ok(())
+    }
+
+    /// At most `limit` events of a job with a sequence number above `after`.
+    ///
+    /// # Errors
+    /// [`EngineError::NotFound`].
+    pub async fn events(&self, job: JobId, after: i64, limit: u32) -> Result<EventPage, EngineError> {
+        self.core.store.events(job, after, limit).await?.ok_or_else(|| not_found(job))
+    }
+
+    /// Resolves when the job has events above `after`, when it is deleted, or on shut-down; then ask again. May resolve without cause.
+    pub async fn wait_for_events(&self, job: JobId, after: i64) {
+        let mut changes = self.core.signals.watch(job);
+        match self.core.store.events(job, after, 1).await {
+            Ok(Some(page)) if page.events.is_empty() && !page.dropped && !self.core.signals.is_stopping() => {
+                // The sender is gone when the engine stops: that is a reason to wake up too.
+                let _ = changes.changed().await;
+            }
+            _ => {}
+        }
+    }
+}

@@ -1,0 +1,213 @@
+//! Workers: hello, lease, heartbeat, and the end of an attempt.
+//!
+//! A failing store or a full disk is told to a worker as busy: it keeps its work and comes back.
+
+use super::{Engine, EngineError, core::Core, ports::problem};
+use crate::{
+    job,
+    lease::{self, Attempt, Sizing, run_length},
+    records::{Problem, WorkerRecord},
+    store::{Candidate, FinishOutcome, Grant},
+};
+use kiln_proto::{
+    BAKE_VERSION,
+    ids::{JobId, Token, WorkerId},
+    limits,
+    tile::{TileIndex, TileRun},
+    wire::{
+        frame::PROTOCOL_VERSION,
+        message::{Finish, Heartbeat, HeartbeatReply, Hello, LeaseGrant, LeaseRequest, Refusal, Welcome},
+    },
+};
+use std::{sync::atomic::Ordering, time::Duration};
+
+/// When a worker should come back after the coordinator failed, milliseconds.
+const RETRY: u64 = 1_000;
+
+/// Our failure, as a worker hears it.
+pub(super) fn busy(error: impl Into<EngineError>) -> Refusal {
+    tracing::error!(error = %problem(&error.into()), "a worker was put off");
+    Refusal::Busy { retry_after_ms: RETRY }
+}
+
+impl Engine {
+    /// A worker introduces itself.
+    ///
+    /// # Errors
+    /// [`Refusal::Incompatible`]; [`Refusal::Busy`] while store or disk fail, here and in every call below.
+    pub async fn hello(&self, hello: &Hello) -> Result<Welcome, Refusal> {
+        if hello.bake_version != BAKE_VERSION {
+            return Err(Refusal::Incompatible { protocol: PROTOCOL_VERSION, bake_version: BAKE_VERSION });
+        }
+        if hello.name.len() > limits::NAME_BYTES || hello.features.iter().map(String::len).sum::<usize>() > limits::NAME_BYTES {
+            return Err(Refusal::Invalid { reason: format!("name or features above {} bytes", limits::NAME_BYTES) });
+        }
+        let now = self.now();
+        let worker = WorkerRecord {
+            id: WorkerId::random(),
+            name: hello.name.clone(),
+            threads: hello.threads.clamp(1, 4_096),
+            features: hello.features.clone(),
+            bake_version: hello.bake_version,
+            since_ms: now,
+            seen_ms: now,
+            job: None,
+            texels_done: 0,
+            rays: 0,
+            core_seconds: 0.0,
+            peak_rss_bytes: 0,
+        };
+        self.core.store.put_worker(&worker).await.map_err(busy)?;
+        self.core.meter().heard(worker.id, now);
+        tracing::info!(worker = %worker.id, name = worker.name, threads = worker.threads, "a worker joined");
+        let (lease, chunks) = (&self.core.config.lease, &self.core.config.chunks);
+        Ok(Welcome { worker: worker.id, heartbeat_ms: lease.heartbeat_ms, chunk_bytes: chunks.bytes, chunk_ms: chunks.age_ms })
+    }
+
+    /// Work for a worker, as soon as there is some; `None` when the time it is willing to wait has passed.
+    ///
+    /// # Errors
+    /// [`Refusal::UnknownWorker`].
+    pub async fn lease(&self, request: &LeaseRequest) -> Result<Option<LeaseGrant>, Refusal> {
+        let core = &*self.core;
+        let worker = core.store.hear_worker(request.worker, self.now()).await.map_err(busy)?.ok_or(Refusal::UnknownWorker)?;
+        core.meter().heard(worker.id, self.now());
+        let wait = Duration::from_millis(request.wait_ms.min(core.config.lease.poll_ms));
+        let until = tokio::time::Instant::now() + wait;
+        loop {
+            let woken = core.signals.work.notified();
+            tokio::pin!(woken);
+            woken.as_mut().enable();
+            if core.signals.is_stopping() {
+                return Ok(None);
+            }
+            if let Some(grant) = try_grant(core, &worker).await.map_err(busy)? {
+                return Ok(Some(grant));
+            }
+            if tokio::time::timeout_at(until, woken).await.is_err() {
+                return Ok(None);
+            }
+        }
+    }
+
+    /// A sign of life of an attempt.
+    ///
+    /// # Errors
+    /// Only [`Refusal::Busy`]: an attempt that is gone is answered with [`HeartbeatReply::Cancel`].
+    pub async fn heartbeat(&self, token: Token, heartbeat: &Heartbeat) -> Result<HeartbeatReply, Refusal> {
+        let (core, now) = (&*self.core, self.now());
+        let ttl = core.config.lease.ttl_ms as i64;
+        let Some(row) = core.store.heartbeat(token, heartbeat, ttl, now).await.map_err(busy)? else {
+            // It may have expired just now: what it held is free.
+            core.signals.work.notify_waiters();
+            return Ok(HeartbeatReply::Cancel);
+        };
+        let mut meter = core.meter();
+        meter.heard(row.worker, now);
+        meter.rays(token, row.job, heartbeat.rays, now);
+        meter.measured(row.worker, row.job, row.phase, heartbeat.texels_done, now - row.granted_ms);
+        Ok(HeartbeatReply::Continue)
+    }
+
+    /// The worker is done with an attempt: every tile has been delivered.
+    ///
+    /// # Errors
+    /// [`Refusal::Gone`]; [`Refusal::Invalid`] where tiles are missing, which go back to work.
+    pub async fn complete(&self, token: Token, finish: &Finish) -> Result<(), Refusal> {
+        match self.finish(token, lease::Event::Complete, finish).await? {
+            Attempt::Completed => Ok(()),
+            _ => Err(Refusal::Invalid { reason: "tiles of the lease were never delivered; they go to another worker".into() }),
+        }
+    }
+
+    /// The worker gives the rest of an attempt back. A failure that it names is recorded in the job's events.
+    ///
+    /// # Errors
+    /// [`Refusal::Gone`].
+    pub async fn release(&self, token: Token, finish: &Finish) -> Result<(), Refusal> {
+        self.finish(token, lease::Event::Release, finish).await.map(drop)
+    }
+
+    async fn finish(&self, token: Token, event: lease::Event, finish: &Finish) -> Result<Attempt, Refusal> {
+        let (core, now) = (&*self.core, self.now());
+        let row = match core.store.finish_attempt(token, event, Some(finish), now).await.map_err(busy)? {
+            FinishOutcome::Finished(row) => row,
+            FinishOutcome::Gone(state) => return Err(Refusal::Gone { state }),
+        };
+        {
+            let mut meter = core.meter();
+            meter.heard(row.worker, now);
+            meter.rays(token, row.job, finish.rays, now);
+            meter.ended(token);
+        }
+        if let Some(failure) = &finish.failure {
+            let reason: String = failure.chars().take(limits::NAME_BYTES).collect();
+            let TileRun { start, end } = row.run;
+            let text = format!("worker {} gave up on tiles {start} to {} of {}: {reason}", row.worker, end.saturating_sub(1), row.phase);
+            note_failure(core, row.job, text).await.map_err(busy)?;
+        }
+        core.signals.job_changed(row.job);
+        Ok(row.state)
+    }
+}
+
+/// An attempt of a job failed. A job whose attempts keep failing while no tile is accepted fails with the last reason.
+pub(super) async fn note_failure(core: &Core, job: JobId, message: String) -> Result<(), EngineError> {
+    tracing::warn!(%job, message, "an attempt failed");
+    let hopeless = core.meter().failed(job);
+    let problem = Problem { message, file: None, line: None };
+    if hopeless {
+        // It may have ended meanwhile; then there is nothing left to fail.
+        let _ = core.store.job_event(job, &job::Event::Fail(problem), core.now()).await?;
+    } else {
+        core.store.add_problem(job, &problem, core.now()).await?;
+    }
+    core.signals.job_changed(job);
+    Ok(())
+}
+
+async fn try_grant(core: &Core, worker: &WorkerRecord) -> Result<Option<LeaseGrant>, EngineError> {
+    let _one = core.leasing.lock().await;
+    // Another coordinator on the same store may be quicker; what it left is looked at again.
+    while let Some(candidate) = core.store.next_work(worker.bake_version).await? {
+        let now = core.now();
+        let lease = &core.config.lease;
+        let grant = Grant {
+            token: Token::random(),
+            worker: worker.id,
+            job: candidate.job,
+            phase: candidate.phase,
+            run: size(core, worker, &candidate).await?,
+            deadline: now + lease.ttl_ms as i64,
+            cap: now + lease.hard_cap_ms as i64,
+        };
+        if core.store.grant(&grant, now).await? {
+            core.counters.leases_granted.fetch_add(1, Ordering::Relaxed);
+            return Ok(Some(LeaseGrant {
+                token: grant.token,
+                job: grant.job,
+                phase: grant.phase,
+                tiles: grant.run,
+                scene: candidate.scene,
+                plan: candidate.plan.digest,
+                ttl_ms: lease.ttl_ms,
+            }));
+        }
+    }
+    Ok(None)
+}
+
+/// How much of the candidate this worker gets.
+async fn size(core: &Core, worker: &WorkerRecord, candidate: &Candidate) -> Result<TileRun, EngineError> {
+    let plan = core.plan(&candidate.plan).await?;
+    let sizing = Sizing {
+        target_ms: core.config.lease.target_ms,
+        speed: core.meter().speeds.of(worker.id, candidate.job, candidate.phase),
+        threads: worker.threads,
+        pending: candidate.pending,
+        workers: core.present_workers(),
+    };
+    let TileRun { start, end } = candidate.run;
+    let costs = (start..end).map(|t| plan.tile_cost(candidate.phase, TileIndex(t)));
+    Ok(TileRun { start, end: start + run_length(&sizing, costs) })
+}

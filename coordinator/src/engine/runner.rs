@@ -1,0 +1,88 @@
+//! Takes tasks and sees them through: renews the lease while the work runs, and reports what came of it.
+
+use super::{EngineError, assembly, core::Core, ports::problem, tasks};
+use crate::{
+    job::JobTask,
+    store::{Task, TaskLease, TaskResult},
+};
+use kiln_proto::ids::Token;
+use std::{future::Future, sync::Arc, time::Duration};
+
+/// A task expires this long after it was renewed last, milliseconds.
+const TTL: i64 = 60_000;
+/// It is renewed this often.
+const RENEW: Duration = Duration::from_secs(15);
+/// A runner that was told of nothing looks this often.
+const IDLE: Duration = Duration::from_secs(1);
+
+/// One runner: one task after another until the engine stops.
+pub(super) async fn run(core: Arc<Core>) {
+    while !core.signals.is_stopping() {
+        let woken = core.signals.tasks.notified();
+        tokio::pin!(woken);
+        woken.as_mut().enable();
+        match core.store.take_task(Token::random(), core.now() + TTL).await {
+            Ok(Some(lease)) => see_through(&core, lease).await,
+            Ok(None) => drop(tokio::time::timeout(IDLE, woken).await),
+            Err(error) => {
+                tracing::error!(%error, "taking a task failed");
+                tokio::time::sleep(IDLE).await;
+            }
+        }
+    }
+}
+
+async fn see_through(core: &Arc<Core>, lease: TaskLease) {
+    tracing::debug!(task = ?lease.task, "begin");
+    // The gate is held until the result names what the task wrote.
+    let gate = core.gate.read().await;
+    let Some(outcome) = renewed(core, lease.token, perform(core, lease.task)).await else {
+        tracing::warn!(task = ?lease.task, "lost to another coordinator");
+        return;
+    };
+    let result = outcome.unwrap_or_else(|error| {
+        tracing::warn!(task = ?lease.task, error = %problem(&error), "failed");
+        TaskResult::Failed(problem(&error))
+    });
+    match core.store.finish_task(lease.token, &result, core.now()).await {
+        Ok(true) => {}
+        Ok(false) => tracing::warn!(task = ?lease.task, "its result came too late"),
+        // The lease runs out and the task is done again, when the store may be better.
+        Err(error) => tracing::error!(task = ?lease.task, %error, "its result could not be stored"),
+    }
+    drop(gate);
+    match lease.task {
+        Task::Import(_) => {
+            core.signals.scenes.notify_waiters();
+            core.signals.tasks.notify_waiters();
+        }
+        Task::Job(job, _) => core.signals.job_changed(job),
+    }
+}
+
+/// Runs work while renewing its lease; `None` when the lease is lost.
+async fn renewed<T>(core: &Core, token: Token, work: impl Future<Output = T>) -> Option<T> {
+    tokio::pin!(work);
+    let mut tick = tokio::time::interval(RENEW);
+    tick.tick().await;
+    loop {
+        tokio::select! {
+            done = &mut work => return Some(done),
+            _ = tick.tick() => match core.store.renew_task(token, core.now() + TTL).await {
+                Ok(true) => {}
+                Ok(false) => return None,
+                Err(error) => tracing::error!(%error, "renewing a task failed"),
+            },
+        }
+    }
+}
+
+async fn perform(core: &Arc<Core>, task: Task) -> Result<TaskResult, EngineError> {
+    match task {
+        Task::Import(scene) => tasks::import(core, scene).await,
+        Task::Job(job, JobTask::Prepare) => tasks::prepare(core, job).await,
+        Task::Job(job, JobTask::Merge(phase)) => tasks::merge(core, job, phase).await,
+        Task::Job(job, JobTask::Assemble(surface)) => assembly::assemble(core, job, surface).await,
+        Task::Job(job, JobTask::Publish) => assembly::publish(core, job).await,
+    }
+}

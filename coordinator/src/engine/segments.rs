@@ -1,0 +1,62 @@
+//! Accepted segments for assembly: found through the chunks' trailers, read from their blobs one at a time.
+//!
+//! The index holds one small entry per tile of one surface (at most 65,536 of them); the bytes stay in the blobs. That is what keeps
+//! assembly's memory constant however large the job.
+
+use super::{
+    EngineError,
+    core::Core,
+    inspect::{parse_trailer, unpack},
+    ports::Segments,
+};
+use crate::{
+    blob::{BlobName, Blobs},
+    records::Problem,
+    store::ChunkRow,
+};
+use kiln_proto::{
+    ids::JobId,
+    limits,
+    tile::{TileIndex, TileRun},
+    wire::message::{ChunkEntry, Phase},
+};
+use std::{collections::BTreeMap, sync::Arc};
+use tokio::runtime::Handle;
+
+/// The entries of a stored chunk.
+pub(super) async fn entries(blobs: &dyn Blobs, chunk: &ChunkRow) -> Result<Vec<ChunkEntry>, EngineError> {
+    let bytes = blobs.load(chunk.blob, Some(chunk.trailer_at..chunk.length), limits::CHUNK_BYTES).await?;
+    parse_trailer(&bytes).map_err(|reason| EngineError::Broken(format!("the chunk {}: {reason}", chunk.blob)))
+}
+
+/// The accepted segments of a run of tiles.
+pub(super) struct StoredSegments {
+    blobs: Arc<dyn Blobs>,
+    index: BTreeMap<TileIndex, (BlobName, ChunkEntry)>,
+    runtime: Handle,
+}
+
+impl StoredSegments {
+    /// Indexes a run. Called within the runtime, used where blocking is allowed.
+    pub(super) async fn open(core: &Core, job: JobId, phase: Phase, run: TileRun) -> Result<Self, EngineError> {
+        let mut index = BTreeMap::new();
+        for chunk in core.store.chunks(job, phase, run).await? {
+            for entry in entries(&*core.blobs, &chunk).await? {
+                if chunk.accepted.contains(entry.tile) && (run.start..run.end).contains(&entry.tile.0) {
+                    index.insert(entry.tile, (chunk.blob, entry));
+                }
+            }
+        }
+        Ok(Self { blobs: Arc::clone(&core.blobs), index, runtime: Handle::current() })
+    }
+}
+
+impl Segments for StoredSegments {
+    fn segment(&self, tile: TileIndex) -> Result<Vec<u8>, Problem> {
+        let lost = |reason: String| Problem { message: format!("the segment of tile {tile} is lost: {reason}"), file: None, line: None };
+        let (blob, entry) = self.index.get(&tile).ok_or_else(|| lost("no chunk holds it".into()))?;
+        let range = entry.offset..entry.offset + entry.length;
+        let packed = self.runtime.block_on(self.blobs.load(*blob, Some(range), limits::CHUNK_BYTES));
+        unpack(&packed.map_err(|e| lost(e.to_string()))?, entry).map_err(lost)
+    }
+}
