@@ -8,6 +8,7 @@ mod assembly;
 mod background;
 mod chunks;
 mod core;
+mod done;
 mod error;
 mod inspect;
 mod jobs;

@@ -78,7 +78,7 @@ kinds! {
         "Set Content-Type to one of them.";
     UnknownScene "unknown-scene" NOT_FOUND "There is no such scene"
         "No scene has that id or hash."
-        "List the scenes with GET /v1/scenes, or upload it.";
+        "Upload it with POST /v1/scenes, and use the id or the hash of the answer.";
     SceneNotReady "scene-not-ready" CONFLICT "The scene is not ready"
         "The scene was rejected, or is still being imported where that matters; `detail` says which."
         "GET the scene to see its state and problems; wait, or upload a corrected one.";

@@ -32,6 +32,8 @@ use utoipa::{IntoParams, ToSchema};
 
 /// Events read from the store at once.
 const PAGE: u32 = 256;
+/// Pause after a hint that led to nothing: an engine that is stopping gives nothing but such hints.
+const PAUSE: Duration = Duration::from_millis(100);
 /// A comment this often keeps proxies from closing a quiet stream.
 const KEEP_ALIVE: Duration = Duration::from_secs(15);
 
@@ -124,7 +126,11 @@ impl Follower {
                 () = self.engine.wait_for_events(self.job, self.after) => {}
                 () = closing.cancelled() => return None,
             }
-            if let Err(error) = self.refill().await {
+            let refilled = self.refill().await;
+            if refilled.is_ok() && self.queue.is_empty() {
+                tokio::time::sleep(PAUSE).await;
+            }
+            if let Err(error) = refilled {
                 if !matches!(error, EngineError::NotFound { .. }) {
                     tracing::warn!(job = %self.job, error = chain(&error), "event stream ended early; the client will come back");
                 }

@@ -15,7 +15,6 @@ pub(super) async fn index() -> Html<String> {
     let mut rows = String::new();
     for (link, what) in [
         ("/openapi.json", "the API, as OpenAPI 3.1"),
-        ("/v1/scenes", "scenes"),
         ("/v1/jobs", "jobs"),
         ("/v1/workers", "workers"),
         ("/healthz", "is the process alive?"),

@@ -8,7 +8,7 @@ use super::{
 };
 use crate::{
     engine::{Estimate, JobFilter, JobPage},
-    records::{JobRecord, JobState, NewJob},
+    records::{JobRecord, JobState, NewJob, SceneState},
 };
 use axum::{
     Json,
@@ -42,6 +42,11 @@ pub(super) struct CreateQuery {
         (status = 200, description = "With `dry_run`: what it would cost", body = Estimate)))]
 pub(super) async fn create(State(app): State<App>, Query(query): Query<CreateQuery>, JsonBody(new): JsonBody<NewJob>) -> Answer<Response> {
     check(&new.settings)?;
+    let scene = app.engine.scene(&new.scene).await?;
+    if scene.state == SceneState::Rejected {
+        let detail = format!("the scene {} was rejected; no job can use it", new.scene);
+        return Err(Failure::new(Kind::SceneNotReady, detail).problems(scene.problems));
+    }
     if query.dry_run {
         return Ok(Json(app.engine.estimate(&new).await?).into_response());
     }

@@ -5,7 +5,7 @@
 //! store when someone asks, so that every coordinator of a farm tells the same.
 
 use super::{App, problem::Answer};
-use crate::engine::Statistics;
+use crate::{engine::Statistics, records::WorkerRecord};
 use ::metrics::{Unit, counter, describe_counter, describe_gauge, describe_histogram, gauge, histogram, with_local_recorder};
 use axum::{
     extract::State,
@@ -46,7 +46,7 @@ fn describe() {
     describe_counter!("kiln_tiles_done_total", "Segments accepted.");
     describe_counter!("kiln_tiles_duplicate_total", "Segments that were there already, with the same bytes.");
     describe_counter!("kiln_tiles_conflicting_total", "Segments that differed from the accepted one: determinism faults.");
-    describe_counter!("kiln_rays_total", "Rays traced, by the workers' word.");
+    describe_counter!("kiln_rays_total", "Rays traced, by the word of the workers on record.");
     describe_counter!("kiln_leases_granted_total", "Leases granted.");
     describe_counter!("kiln_attempts_expired_total", "Attempts that ended because their worker fell silent.");
     describe_counter!("kiln_chunks_total", "Chunks of segments by verdict.");
@@ -83,8 +83,13 @@ impl Metrics {
 
     /// Everything as Prometheus text, with the engine's figures of this moment.
     #[must_use]
-    pub(super) fn text(&self, figures: &Statistics) -> String {
-        with_local_recorder(&self.recorder, || record(figures));
+    pub(super) fn text(&self, figures: &Statistics, workers: &[WorkerRecord]) -> String {
+        // `absolute` never goes back, so that a worker's record that ages out does not look like a restart.
+        let rays = workers.iter().map(|worker| worker.rays).sum();
+        with_local_recorder(&self.recorder, || {
+            record(figures);
+            counter!("kiln_rays_total").absolute(rays);
+        });
         self.handle.render()
     }
 }
@@ -109,7 +114,6 @@ fn record(figures: &Statistics) {
         ("kiln_tiles_done_total", figures.tiles_accepted),
         ("kiln_tiles_duplicate_total", figures.tiles_duplicate),
         ("kiln_tiles_conflicting_total", figures.tiles_conflicting),
-        ("kiln_rays_total", figures.rays),
         ("kiln_leases_granted_total", figures.leases_granted),
         ("kiln_attempts_expired_total", figures.attempts_expired),
         ("kiln_chunk_bytes_total", figures.chunk_bytes),
@@ -124,7 +128,8 @@ fn record(figures: &Statistics) {
 #[utoipa::path(get, path = "/metrics", operation_id = "metrics", tag = "operations", responses((status = 200, description = "Metrics", body = String, content_type = "text/plain")))]
 pub(super) async fn render(State(app): State<App>) -> Answer<([(HeaderName, &'static str); 1], String)> {
     let figures = app.engine.statistics().await?;
-    Ok(([(header::CONTENT_TYPE, "text/plain; version=0.0.4; charset=utf-8")], app.metrics.text(&figures)))
+    let workers = app.engine.workers().await?;
+    Ok(([(header::CONTENT_TYPE, "text/plain; version=0.0.4; charset=utf-8")], app.metrics.text(&figures, &workers)))
 }
 
 #[cfg(test)]
@@ -139,7 +144,7 @@ mod tests {
         metrics.request("/v1/jobs/{id}", &"BREW".parse().unwrap(), StatusCode::NOT_FOUND, millis);
         metrics.frame_refused();
         let jobs = [("baking".to_owned(), 2)].into();
-        let text = metrics.text(&Statistics { tiles_pending: 7, tiles_accepted: 5, jobs, ..Statistics::default() });
+        let text = metrics.text(&Statistics { tiles_pending: 7, tiles_accepted: 5, jobs, ..Statistics::default() }, &[]);
         for line in [
             "# HELP kiln_tiles_pending Tiles that wait",
             "# TYPE kiln_tiles_pending gauge",
@@ -160,6 +165,6 @@ mod tests {
     fn servers_do_not_count_for_each_other() {
         let (one, other) = (Metrics::default(), Metrics::default());
         one.frame_refused();
-        assert!(other.text(&Statistics::default()).contains("kiln_frames_refused_total 0"));
+        assert!(other.text(&Statistics::default(), &[]).contains("kiln_frames_refused_total 0"));
     }
 }

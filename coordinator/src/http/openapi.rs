@@ -29,7 +29,7 @@ use utoipa::OpenApi;
         (name = "pages", description = "For people")),
     paths(
         index::index, index::problem_page, document,
-        scenes::create, scenes::list, scenes::get, bakes::create,
+        scenes::create, scenes::get, bakes::create,
         jobs::create, jobs::list, jobs::get, jobs::delete, jobs::cancel, events::stream, tiles::get,
         assets::manifest, assets::file, archive::zip, archive::tar_zst,
         worker_protocol::hello, worker_protocol::lease, worker_protocol::scene, worker_protocol::plan, worker_protocol::chunk,

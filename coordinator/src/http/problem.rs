@@ -230,14 +230,14 @@ fn unknown(what: &str) -> Kind {
     match what {
         "scene" => Kind::UnknownScene,
         "job" => Kind::UnknownJob,
-        "file" => Kind::UnknownAsset,
+        "file" | "package file" => Kind::UnknownAsset,
         _ => Kind::NotFound,
     }
 }
 
 /// The kind for a resource in the wrong state, by the resource.
 fn conflict(what: &str) -> Kind {
-    match what.split(' ').next() {
+    match what.trim_start_matches("the ").split(' ').next() {
         Some("scene") => Kind::SceneNotReady,
         Some("job") => Kind::JobNotDone,
         _ => Kind::Conflict,

@@ -100,7 +100,6 @@ impl Routes {
 
     fn scenes(self) -> Self {
         self.on(Verb::Post, "/v1/scenes", UPLOAD, scenes::create)
-            .on(Verb::Get, "/v1/scenes", &[Kind::InvalidRequest], scenes::list)
             .on(Verb::Get, "/v1/scenes/{scene}", &[Kind::UnknownScene], scenes::get)
             .on(Verb::Post, "/v1/bakes", BAKE, bakes::create)
     }

@@ -1,4 +1,4 @@
-//! `/v1/scenes`: upload, look up, list.
+//! `/v1/scenes`: upload and look up.
 
 use super::{
     App,
@@ -7,7 +7,7 @@ use super::{
     upload::Upload,
 };
 use crate::{
-    engine::{Engine, EngineError, ScenePage},
+    engine::{Engine, EngineError},
     records::{SceneRecord, SceneState},
 };
 use axum::{
@@ -18,7 +18,6 @@ use axum::{
 use serde::Deserialize;
 use std::time::Duration;
 use utoipa::IntoParams;
-use uuid::Uuid;
 
 /// How long an upload waits for its import before the answer is 202.
 pub(super) const IMPORT_WAIT: Duration = Duration::from_secs(30);
@@ -73,24 +72,4 @@ pub(super) async fn import(engine: &Engine, upload: Upload) -> Answer<SceneRecor
     responses((status = 200, description = "The scene; a rejected one lists its problems", body = SceneRecord)))]
 pub(super) async fn get(State(app): State<App>, Path(scene): Path<String>) -> Answer<Json<SceneRecord>> {
     Ok(Json(app.engine.scene(&scene).await?))
-}
-
-/// Query of the list.
-#[derive(Debug, Deserialize, IntoParams)]
-#[serde(deny_unknown_fields)]
-#[into_params(parameter_in = Query)]
-pub(super) struct ListQuery {
-    /// `next` of the page before.
-    pub cursor: Option<Uuid>,
-    /// At most this many; 100 unless given, and never more than 1,000.
-    #[serde(default)]
-    #[param(maximum = 1000)]
-    pub limit: u32,
-}
-
-/// Uploaded scenes, youngest first.
-#[utoipa::path(get, path = "/v1/scenes", operation_id = "listScenes", tag = "scenes", params(ListQuery),
-    responses((status = 200, description = "A page of scenes", body = ScenePage)))]
-pub(super) async fn list(State(app): State<App>, Query(query): Query<ListQuery>) -> Answer<Json<ScenePage>> {
-    Ok(Json(app.engine.scenes(query.cursor, query.limit).await?))
 }

@@ -32,7 +32,7 @@ async fn unknown_jobs_are_not_found_whatever_is_asked_of_them() {
 }
 
 #[tokio::test]
-async fn a_scene_is_uploaded_found_and_listed() {
+async fn a_scene_is_uploaded_found_and_estimated() {
     let bench = Bench::new().await;
     let reply = bench.send(Request::post("/v1/scenes?name=room.obj").body(Body::from(OBJ)).unwrap()).await;
     assert_eq!(reply.status, StatusCode::CREATED, "{:?}", reply.body);
@@ -41,7 +41,6 @@ async fn a_scene_is_uploaded_found_and_listed() {
     for name in [&scene["id"], &scene["scene"]] {
         assert_eq!(bench.get(&format!("/v1/scenes/{}", name.as_str().unwrap())).await.json(), scene);
     }
-    assert_eq!(bench.get("/v1/scenes?limit=1").await.json()["scenes"][0], scene);
     let dry = bench.post_json("/v1/jobs?dry_run=true", &format!(r#"{{"scene": {}}}"#, scene["scene"])).await;
     assert_eq!(dry.status, StatusCode::OK);
     assert!(dry.json()["texels"].as_u64().unwrap() > 0 && dry.json()["tiles"].as_u64().unwrap() > 0);

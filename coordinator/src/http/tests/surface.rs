@@ -19,7 +19,7 @@ async fn every_answer_carries_the_security_headers_and_an_id() {
 async fn unknown_paths_methods_and_parameters_are_problems() {
     let bench = Bench::new().await;
     assert_eq!(bench.get("/nowhere").await.problem().1, "not-found");
-    let reply = bench.send(Request::delete("/v1/scenes").body(Body::empty()).unwrap()).await;
+    let reply = bench.send(Request::delete("/v1/jobs").body(Body::empty()).unwrap()).await;
     assert_eq!(reply.problem().0, 405);
     let allowed = reply.headers[header::ALLOW].to_str().unwrap();
     assert!(allowed.contains("GET") && allowed.contains("POST"), "{allowed}");

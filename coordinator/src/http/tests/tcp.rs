@@ -111,11 +111,23 @@ async fn a_shut_down_ends_long_polls_and_streams() {
     let (_, answer) = service.ask(&format!("POST /v1/worker/hello HTTP/1.1\r\nContent-Length: {}", hello.len()), &hello).await;
     let welcome: Welcome = from_frame(&answer).unwrap();
     let wait = to_frame(&LeaseRequest { worker: welcome.worker, wait_ms: 25_000 }).unwrap();
+    let body = parts(&[("scene", Some("room.obj"), OBJ)]);
+    let head = format!("POST /v1/bakes HTTP/1.1\r\nContent-Type: {MULTIPART}\r\nContent-Length: {}", body.len());
+    let (_, answer) = service.ask(&head, body.as_bytes()).await;
+    let bake: Value = serde_json::from_slice(&answer).unwrap();
+    let follow = format!("GET /v1/jobs/{}/events HTTP/1.1", bake["job"]["id"].as_str().unwrap());
+    let mut events = service.begin(&follow, b"").await;
+    let mut first = [0; 15];
+    events.read_exact(&mut first).await.unwrap();
+    assert_eq!(&first, b"HTTP/1.1 200 OK");
     let poll = service.begin(&format!("POST /v1/worker/leases HTTP/1.1\r\nContent-Length: {}", wait.len()), &wait).await;
     assert_eq!(service.ask("GET /healthz HTTP/1.1", b"").await.0, 200);
     let began = std::time::Instant::now();
     service.shutdown.cancel();
     service.serving.await.unwrap().unwrap();
-    assert!(began.elapsed().as_secs() < 15, "the shut-down waited for the long poll");
+    assert!(began.elapsed().as_secs() < 15, "the shut-down waited for the long poll or the stream");
+    let mut rest = String::new();
+    events.read_to_string(&mut rest).await.unwrap();
+    assert!(rest.contains("event: state"), "{rest}");
     drop(poll);
 }
