@@ -83,11 +83,6 @@ impl Api {
         self.json(self.http.post(self.url("/v1/jobs")).json(job)).await
     }
 
-    /// A job as it is now.
-    pub async fn job(&self, id: JobId) -> Result<JobRecord, CommandError> {
-        self.json(self.http.get(self.url(&format!("/v1/jobs/{id}")))).await
-    }
-
     /// A job as it is now; a coordinator that is away is waited for.
     pub async fn job_patiently(&self, id: JobId) -> Result<JobRecord, CommandError> {
         let start = tokio::time::Instant::now();

@@ -52,11 +52,13 @@ fn spawn(url: &str, threads: u32) -> Result<Child, CommandError> {
 
 async fn supervise(mut child: Child, url: String, threads: u32, stop: CancellationToken) {
     loop {
+        // `wait` closes an input that the child still owns, which would tell the worker to leave.
+        let input = child.stdin.take();
         tokio::select! {
             ended = child.wait() => tracing::warn!(status = ?ended.ok(), "a worker ended; starting another"),
             () = stop.cancelled() => {
                 // Closing its input asks the worker to drain.
-                drop(child.stdin.take());
+                drop(input);
                 if tokio::time::timeout(DRAIN, child.wait()).await.is_err() {
                     child.kill().await.ok();
                 }
