@@ -2,6 +2,7 @@
 
 use crate::error::{CommandError, chain};
 use futures_util::StreamExt;
+use kiln_coordinator::engine::JobPage;
 use kiln_coordinator::import::bundle::{Bundle, Content};
 use kiln_coordinator::records::{JobRecord, NewJob, Problem, SceneRecord, SceneState, WorkerRecord};
 use kiln_proto::ids::JobId;
@@ -29,11 +30,10 @@ struct ProblemBody {
     problems: Vec<Problem>,
 }
 
-/// A page of a list.
+/// The answer of `GET /v1/workers`.
 #[derive(Deserialize)]
-struct Page<T> {
-    items: Vec<T>,
-    next: Option<String>,
+struct WorkerList {
+    workers: Vec<WorkerRecord>,
 }
 
 impl Api {
@@ -106,9 +106,9 @@ impl Api {
                 .into_iter()
                 .filter_map(|(key, value)| Some((key, value?)))
                 .collect();
-            let page: Page<JobRecord> = self.json(self.http.get(self.url("/v1/jobs")).query(&query)).await?;
-            all.extend(page.items);
-            cursor = page.next;
+            let page: JobPage = self.json(self.http.get(self.url("/v1/jobs")).query(&query)).await?;
+            all.extend(page.jobs);
+            cursor = page.next.map(|id| id.to_string());
             if cursor.is_none() {
                 return Ok(all);
             }
@@ -122,7 +122,7 @@ impl Api {
 
     /// Workers that are connected.
     pub async fn workers(&self) -> Result<Vec<WorkerRecord>, CommandError> {
-        Ok(self.json::<Page<WorkerRecord>>(self.http.get(self.url("/v1/workers"))).await?.items)
+        Ok(self.json::<WorkerList>(self.http.get(self.url("/v1/workers"))).await?.workers)
     }
 
     /// The job's event stream after `seq`, as raw bytes.

@@ -70,7 +70,8 @@ pub fn run(args: &EvalArgs, json: bool) -> Result<(), CommandError> {
 fn read(path: &std::path::Path) -> Result<Table, CommandError> {
     let name = path.display();
     let mut reader = csv::Reader::from_path(path).map_err(|e| CommandError::work(format!("{name}: {e}")))?;
-    let header: Vec<String> = reader.headers().map_err(|e| CommandError::work(format!("{name}: {e}")))?.iter().map(|h| h.trim().to_owned()).collect();
+    let header: Vec<String> =
+        reader.headers().map_err(|e| CommandError::work(format!("{name}: {e}")))?.iter().map(|h| h.trim().to_owned()).collect();
     let index: HashMap<&str, usize> = header.iter().enumerate().map(|(k, h)| (h.as_str(), k)).collect();
     let mut columns = [0; 7];
     for (column, needed) in columns.iter_mut().zip(NEEDED) {
@@ -84,7 +85,9 @@ fn read(path: &std::path::Path) -> Result<Table, CommandError> {
         let number = |k: usize| {
             let text = record.get(columns[k]).unwrap_or_default().trim();
             let value = text.parse::<f32>().ok().filter(|v| v.is_finite());
-            value.ok_or_else(|| CommandError::work(format!("{name}:{line}: column `{}` has `{text}`, which is not a finite number", NEEDED[k])))
+            value.ok_or_else(|| {
+                CommandError::work(format!("{name}:{line}: column `{}` has `{text}`, which is not a finite number", NEEDED[k]))
+            })
         };
         let vector = |k: usize| Ok::<_, CommandError>(Vec3::new(number(k)?, number(k + 1)?, number(k + 2)?));
         let direction = vector(4)?;

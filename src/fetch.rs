@@ -31,9 +31,7 @@ pub async fn run(args: &FetchArgs, json: bool) -> Result<(), CommandError> {
 /// A folder that exists must be empty: files of two packages never mix.
 pub fn check_target(target: &Path) -> Result<(), CommandError> {
     match std::fs::read_dir(target).map(|mut entries| entries.next().is_some()) {
-        Ok(true) => {
-            Err(CommandError::work(format!("{} is not empty; choose a folder that is empty or does not exist", target.display())))
-        }
+        Ok(true) => Err(CommandError::work(format!("{} is not empty; choose a folder that is empty or does not exist", target.display()))),
         Ok(false) => Ok(()),
         Err(e) if e.kind() == std::io::ErrorKind::NotFound => Ok(()),
         Err(e) => Err(CommandError::work(format!("{}: {e}", target.display()))),
@@ -71,7 +69,11 @@ pub async fn package(api: &Api, id: JobId, target: &Path) -> Result<(), CommandE
 /// A path of a manifest, which came over a network, stays inside the folder.
 fn safe(path: &str) -> Result<&Path, CommandError> {
     let inside = !path.is_empty() && Path::new(path).components().all(|c| matches!(c, std::path::Component::Normal(_)));
-    if inside { Ok(Path::new(path)) } else { Err(CommandError::work(format!("the manifest names the file `{path}`, which lies outside the package"))) }
+    if inside {
+        Ok(Path::new(path))
+    } else {
+        Err(CommandError::work(format!("the manifest names the file `{path}`, which lies outside the package")))
+    }
 }
 
 fn sha256(path: &Path) -> std::io::Result<(u64, String)> {

@@ -136,7 +136,14 @@ fn message(job: &JobRecord) -> String {
         return String::new();
     }
     let eta = p.eta_seconds.map_or_else(|| "-".to_owned(), duration);
-    format!("{:>3.0} %  {}/{} tiles  {}rays/s  {} workers  ETA {eta}", p.fraction * 100.0, p.tiles_done, p.tiles, si(p.rays_per_second), p.workers)
+    format!(
+        "{:>3.0} %  {}/{} tiles  {}rays/s  {} workers  ETA {eta}",
+        p.fraction * 100.0,
+        p.tiles_done,
+        p.tiles,
+        si(p.rays_per_second),
+        p.workers
+    )
 }
 
 /// Seconds as a person says them.

@@ -1,12 +1,6 @@
 //! `kiln submit`: send scenes with all that they refer to.
 
-use crate::{
-    api::Api,
-    bake,
-    bake_settings::SettingsArgs,
-    error::CommandError,
-    output, progress,
-};
+use crate::{api::Api, bake, bake_settings::SettingsArgs, error::CommandError, output, progress};
 use clap::Args;
 use kiln_coordinator::{
     import::bundle::{self, Bundle},

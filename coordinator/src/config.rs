@@ -47,6 +47,19 @@ pub struct LeaseConfig {
     pub hard_cap_ms: u64,
     /// The longest long poll for work, milliseconds.
     pub poll_ms: u64,
+    /// From which end pending tiles are leased. Results never depend on it; the choice exists so that tests can show that.
+    pub order: LeaseOrder,
+}
+
+/// From which end pending tiles are leased.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum LeaseOrder {
+    /// First tiles first.
+    #[default]
+    Forward,
+    /// Last tiles first.
+    Reverse,
 }
 
 /// How chunks are closed and bounded.
@@ -89,7 +102,14 @@ impl Default for Config {
 
 impl Default for LeaseConfig {
     fn default() -> Self {
-        Self { ttl_ms: 30_000, heartbeat_ms: 10_000, target_ms: 10_000, hard_cap_ms: 3_600_000, poll_ms: 30_000 }
+        Self {
+            ttl_ms: 30_000,
+            heartbeat_ms: 10_000,
+            target_ms: 10_000,
+            hard_cap_ms: 3_600_000,
+            poll_ms: 30_000,
+            order: LeaseOrder::default(),
+        }
     }
 }
 

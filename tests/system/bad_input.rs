@@ -124,7 +124,7 @@ fn a_bad_upload_hurts_nobody_else() {
         assert_eq!((response.status().as_u16(), &response.headers()["content-type"]), (422, &"application/problem+json".parse().unwrap()));
         let problem: serde_json::Value = response.json().await.unwrap();
         assert_eq!((&problem["problems"][0]["file"], &problem["problems"][0]["line"]), (&"a.obj".into(), &1.into()), "{problem}");
-        let part = reqwest::multipart::Part::bytes(TRIANGLE.into()).file_name("../../a.obj");
+        let part = reqwest::multipart::Part::bytes(TRIANGLE.as_bytes()).file_name("../../a.obj");
         let response = http.post(&scenes).multipart(reqwest::multipart::Form::new().part("file", part)).send().await.unwrap();
         assert!(response.status().is_client_error());
         for (body, word) in [
@@ -168,5 +168,5 @@ fn a_full_disk_fails_the_job_and_not_the_service() {
     };
     let why = record["problem"]["message"].as_str().unwrap();
     assert!(why.contains("disk") && why.contains("free"), "{why}");
-    assert_eq!(server.get("/v1/jobs")["items"].as_array().unwrap().len(), 1);
+    assert_eq!(server.get("/v1/jobs")["jobs"].as_array().unwrap().len(), 1);
 }

@@ -1,6 +1,6 @@
 //! The bytes of a package depend on scene, settings and seed, and on nothing else.
 
-use crate::harness::{QUICK, Server, assert_same_package, bake_room, kiln, nominal, package, room};
+use crate::harness::{Server, assert_same_package, bake_room, kiln, nominal, package, quick, room};
 use std::path::Path;
 use tempfile::TempDir;
 
@@ -21,7 +21,7 @@ fn threads_workers_and_vector_width_leave_no_trace() {
     }
     let portable = dir.path().join("portable");
     let mut command = kiln(["bake"]);
-    command.arg(room()).arg("-o").arg(&portable).args(nominal()).args(QUICK).env("KILN_SIMD", "portable");
+    command.arg(room()).arg("-o").arg(&portable).args(nominal()).args(quick(&[])).env("KILN_SIMD", "portable");
     assert!(command.output().unwrap().status.success());
     assert_same_package(&reference, &portable);
 }

@@ -11,28 +11,32 @@ use std::{
 };
 
 /// A job that never ends is a failed test, not a hanging one.
-pub const PATIENCE: Duration = Duration::from_secs(120);
+pub(crate) const PATIENCE: Duration = Duration::from_secs(120);
 
 /// A file of the project's own scenes.
-pub fn scene(path: &str) -> PathBuf {
+pub(crate) fn scene(path: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/scenes").join(path)
 }
 
 /// The room of the thesis.
-pub fn room() -> PathBuf {
+pub(crate) fn room() -> PathBuf {
     scene("thesis-room/thesis.obj")
 }
 
-/// Settings that bake the room in a second or two: some sixty tiles.
-pub const QUICK: &[&str] = &["--texel-scale", "0.2", "--samples", "16", "--directions", "6x8", "--raw", "u8"];
+/// Flags that bake the room in a second or two, some thirty tiles, and whatever the test adds.
+pub(crate) fn quick(more: &[&str]) -> Vec<String> {
+    let samples: &[&str] = if more.contains(&"--samples") { &[] } else { &["--samples", "16"] };
+    let flags = ["--texel-scale", "0.2", "--directions", "6x8", "--raw", "u8"];
+    flags.iter().chain(samples).chain(more).map(|s| (*s).to_owned()).collect()
+}
 
 /// The room's nominal sizes, as flags.
-pub fn nominal() -> Vec<String> {
+pub(crate) fn nominal() -> Vec<String> {
     vec!["--settings".into(), scene("thesis-room/nominal.json").display().to_string()]
 }
 
 /// A command of the program under test.
-pub fn kiln<S: AsRef<OsStr>>(args: impl IntoIterator<Item = S>) -> Command {
+pub(crate) fn kiln<S: AsRef<OsStr>>(args: impl IntoIterator<Item = S>) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_kiln"));
     command.args(args).stdin(Stdio::null());
     for name in ["KILN_SERVER", "KILN_CONFIG", "KILN_DATA", "KILN_LISTEN", "KILN_LOG", "KILN_SIMD"] {
@@ -42,19 +46,19 @@ pub fn kiln<S: AsRef<OsStr>>(args: impl IntoIterator<Item = S>) -> Command {
 }
 
 /// Runs a command to its end.
-pub fn run<S: AsRef<OsStr>>(args: impl IntoIterator<Item = S>) -> Output {
+pub(crate) fn run<S: AsRef<OsStr>>(args: impl IntoIterator<Item = S>) -> Output {
     kiln(args).output().unwrap()
 }
 
 /// Runs a command that must succeed; its stdout.
-pub fn succeed<S: AsRef<OsStr>>(args: impl IntoIterator<Item = S>) -> String {
+pub(crate) fn succeed<S: AsRef<OsStr>>(args: impl IntoIterator<Item = S>) -> String {
     let output = run(args);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     String::from_utf8(output.stdout).unwrap()
 }
 
 /// Runs a command that must fail with `code` and say `words` on stderr.
-pub fn fail<S: AsRef<OsStr>>(code: i32, words: &[&str], args: impl IntoIterator<Item = S>) {
+pub(crate) fn fail<S: AsRef<OsStr>>(code: i32, words: &[&str], args: impl IntoIterator<Item = S>) {
     let output = run(args);
     let said = String::from_utf8_lossy(&output.stderr).into_owned();
     assert_eq!(output.status.code(), Some(code), "{said}");
@@ -63,15 +67,15 @@ pub fn fail<S: AsRef<OsStr>>(code: i32, words: &[&str], args: impl IntoIterator<
 }
 
 /// Bakes the room quickly into `dir`, with more flags.
-pub fn bake_room(dir: &Path, more: &[&str]) {
+pub(crate) fn bake_room(dir: &Path, more: &[&str]) {
     let mut args: Vec<String> = vec!["bake".into(), room().display().to_string(), "-o".into(), dir.display().to_string()];
     args.extend(nominal());
-    args.extend(QUICK.iter().chain(more).map(|s| (*s).to_owned()));
+    args.extend(quick(more));
     succeed(args);
 }
 
 /// Every file of a package but `report.json`, by path.
-pub fn package(dir: &Path) -> BTreeMap<String, Vec<u8>> {
+pub(crate) fn package(dir: &Path) -> BTreeMap<String, Vec<u8>> {
     let mut files = BTreeMap::new();
     let mut folders = vec![dir.to_owned()];
     while let Some(folder) = folders.pop() {
@@ -91,7 +95,7 @@ pub fn package(dir: &Path) -> BTreeMap<String, Vec<u8>> {
 }
 
 /// Fails naming the first file that differs.
-pub fn assert_same_package(a: &Path, b: &Path) {
+pub(crate) fn assert_same_package(a: &Path, b: &Path) {
     let (a, b) = (package(a), package(b));
     assert!(a.keys().eq(b.keys()), "{:?} against {:?}", a.keys(), b.keys());
     assert!(a.len() > 5, "a package has more than {} files", a.len());
@@ -101,23 +105,23 @@ pub fn assert_same_package(a: &Path, b: &Path) {
 }
 
 /// A process that is killed when its guard goes.
-pub struct Process(pub Child);
+pub(crate) struct Process(pub(crate) Child);
 
 impl Process {
     /// SIGKILL, and wait until it is gone.
-    pub fn kill(&mut self) {
+    pub(crate) fn kill(&mut self) {
         self.0.kill().ok();
         self.0.wait().ok();
     }
 
     /// SIGTERM.
-    pub fn terminate(&self) {
+    pub(crate) fn terminate(&self) {
         let sent = Command::new("kill").arg(self.0.id().to_string()).status().unwrap();
         assert!(sent.success());
     }
 
     /// Waits for its end.
-    pub fn wait(&mut self) -> std::process::ExitStatus {
+    pub(crate) fn wait(&mut self) -> std::process::ExitStatus {
         let start = Instant::now();
         loop {
             if let Some(status) = self.0.try_wait().unwrap() {
@@ -136,15 +140,15 @@ impl Drop for Process {
 }
 
 /// A coordinator in a process of its own.
-pub struct Server {
-    pub process: Process,
-    pub url: String,
-    pub port: u16,
+pub(crate) struct Server {
+    pub(crate) process: Process,
+    pub(crate) url: String,
+    pub(crate) port: u16,
 }
 
 impl Server {
     /// Starts `kiln serve` on `listen` (`127.0.0.1:0` for any free port) without workers of its own.
-    pub fn start(data: &Path, listen: &str, more: &[&str]) -> Self {
+    pub(crate) fn start(data: &Path, listen: &str, more: &[&str]) -> Self {
         let mut command = kiln(["--json", "serve", "--listen", listen, "--workers", "0", "--data"]);
         let mut child = command.arg(data).args(more).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
         let mut first = String::new();
@@ -162,36 +166,36 @@ impl Server {
     }
 
     /// A coordinator whose leases are short, so that a silent worker is noticed in a test's time.
-    pub fn impatient(folder: &Path, listen: &str) -> Self {
+    pub(crate) fn impatient(folder: &Path, listen: &str) -> Self {
         let config = folder.join("kiln.toml");
         std::fs::write(&config, "[lease]\nttl_ms = 1500\nheartbeat_ms = 300\ntarget_ms = 600\n\n[chunks]\nage_ms = 150\n").unwrap();
         Self::start(&folder.join("data"), listen, &["--config", config.to_str().unwrap()])
     }
 
     /// Starts a worker for it.
-    pub fn worker(&self, more: &[&str]) -> Process {
+    pub(crate) fn worker(&self, more: &[&str]) -> Process {
         let mut command = kiln(["work", "--threads", "1", "--join", &self.url]);
         Process(command.args(more).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap())
     }
 
     /// Submits the room; the job's id.
-    pub fn submit_room(&self, more: &[&str]) -> String {
+    pub(crate) fn submit_room(&self, more: &[&str]) -> String {
         let mut args: Vec<String> = ["--json", "submit", "--server", &self.url].map(str::to_owned).to_vec();
         args.push(room().display().to_string());
         args.extend(nominal());
-        args.extend(QUICK.iter().chain(more).map(|s| (*s).to_owned()));
+        args.extend(quick(more));
         let said: Value = serde_json::from_str(&succeed(args)).unwrap();
         said["id"].as_str().unwrap().to_owned()
     }
 
     /// GET a JSON document with the HTTP client of the test's own runtime.
-    pub fn get(&self, path: &str) -> Value {
+    pub(crate) fn get(&self, path: &str) -> Value {
         let url = format!("{}{path}", self.url);
         runtime().block_on(async { reqwest::get(url).await.unwrap().json().await.unwrap() })
     }
 
     /// Waits until the job's record satisfies `is`; the record.
-    pub fn wait_for(&self, job: &str, what: &str, is: impl Fn(&Value) -> bool) -> Value {
+    pub(crate) fn wait_for(&self, job: &str, what: &str, is: impl Fn(&Value) -> bool) -> Value {
         let start = Instant::now();
         loop {
             let record = self.get(&format!("/v1/jobs/{job}"));
@@ -205,7 +209,7 @@ impl Server {
     }
 
     /// Waits until some of the Bake phase is accepted, but not all.
-    pub fn wait_until_halfway(&self, job: &str) -> Value {
+    pub(crate) fn wait_until_halfway(&self, job: &str) -> Value {
         self.wait_for(job, "half of the tiles", |r| {
             assert!(r["state"] != "done", "the job was too quick to be disturbed");
             r["phase"] == "bake" && r["progress"]["tiles_done"].as_u64() > Some(4)
@@ -213,13 +217,13 @@ impl Server {
     }
 
     /// Waits for the end and fetches the package into `dir`.
-    pub fn fetch_when_done(&self, job: &str, dir: &Path) {
+    pub(crate) fn fetch_when_done(&self, job: &str, dir: &Path) {
         self.wait_for(job, "the end", |r| r["state"] == "done");
         succeed(["fetch", job, "--server", &self.url, "-o", dir.to_str().unwrap()]);
     }
 }
 
 /// A runtime for one request.
-pub fn runtime() -> tokio::runtime::Runtime {
+pub(crate) fn runtime() -> tokio::runtime::Runtime {
     tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap()
 }

@@ -43,7 +43,7 @@ fn the_tour_of_the_readme_works() {
         let metrics = http.get(at("/metrics")).send().await.unwrap().text().await.unwrap();
         assert!(metrics.contains("kiln_tiles_pending"), "{metrics}");
         let workers: Value = http.get(at("/v1/workers")).send().await.unwrap().json().await.unwrap();
-        assert_eq!(workers["items"].as_array().unwrap().len(), 1);
+        assert_eq!(workers["workers"].as_array().unwrap().len(), 1);
         for health in ["/healthz", "/readyz"] {
             assert_eq!(http.get(at(health)).send().await.unwrap().status(), 200);
         }

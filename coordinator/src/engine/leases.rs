@@ -4,6 +4,7 @@
 
 use super::{Engine, EngineError, core::Core, ports::problem};
 use crate::{
+    config::LeaseOrder,
     job,
     lease::{self, Attempt, Sizing, run_length},
     records::{Problem, WorkerRecord},
@@ -211,6 +212,9 @@ async fn size(core: &Core, worker: &WorkerRecord, candidate: &Candidate) -> Resu
         workers: core.present_workers(),
     };
     let TileRun { start, end } = candidate.run;
-    let costs = (start..end).map(|t| plan.tile_cost(candidate.phase, TileIndex(t)));
-    Ok(TileRun { start, end: start + run_length(&sizing, costs) })
+    let cost = |t| plan.tile_cost(candidate.phase, TileIndex(t));
+    Ok(match core.config.lease.order {
+        LeaseOrder::Forward => TileRun { start, end: start + run_length(&sizing, (start..end).map(cost)) },
+        LeaseOrder::Reverse => TileRun { start: end - run_length(&sizing, (start..end).rev().map(cost)), end },
+    })
 }

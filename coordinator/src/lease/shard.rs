@@ -39,10 +39,10 @@ impl Shard {
         self.pending.runs().first().copied()
     }
 
-    /// Takes the first `count` tiles of the first pending run that begins at `start`; `None` where no such run is pending any more.
+    /// Takes up to `count` tiles from `start` on, as far as they are pending; `None` where `start` itself is not pending any more.
     pub fn take(&mut self, start: TileIndex, count: u64) -> Option<TileRun> {
-        let run = self.pending.runs().iter().find(|r| r.start == start.0)?;
-        let taken = TileRun { start: run.start, end: run.end.min(run.start + count.max(1)) };
+        let run = self.pending.runs().iter().find(|r| r.start <= start.0 && start.0 < r.end)?;
+        let taken = TileRun { start: start.0, end: run.end.min(start.0 + count.max(1)) };
         self.pending.remove(taken);
         Some(taken)
     }

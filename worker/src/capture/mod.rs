@@ -17,7 +17,6 @@ use crate::{sampling::TexelKey, scene::BakeScene};
 pub(crate) use footprint::Points;
 use glam::Vec3;
 use hemisphere::{Budget, Scratch, Site, Views};
-pub use simd::{Kernel, Simd};
 use kiln_proto::{
     plan::Plan,
     settings::{BakeSettings, Footprint},
@@ -26,6 +25,7 @@ use kiln_proto::{
     units::Rgb,
 };
 use rayon::prelude::*;
+pub use simd::{Kernel, Simd};
 use std::{collections::BTreeSet, sync::Arc};
 
 /// A job ready to be captured.
