@@ -31,7 +31,7 @@ pub async fn run(args: &FetchArgs, json: bool) -> Result<(), CommandError> {
 /// A folder that exists must be empty: files of two packages never mix.
 pub fn check_target(target: &Path) -> Result<(), CommandError> {
     match std::fs::read_dir(target).map(|mut entries| entries.next().is_some()) {
-        Ok(true) => Err(CommandError::work(format!("{} is not empty; choose a folder that is empty or does not exist", target.display()))),
+        Ok(true) => Err(CommandError::usage(format!("{} is not empty; choose a folder that is empty or does not exist", target.display()))),
         Ok(false) => Ok(()),
         Err(e) if e.kind() == std::io::ErrorKind::NotFound => Ok(()),
         Err(e) => Err(CommandError::work(format!("{}: {e}", target.display()))),

@@ -7,6 +7,9 @@ use tempfile::TempDir;
 /// Enough work that half-way lasts long enough to be caught.
 const LONGER: &[&str] = &["--samples", "96"];
 
+/// Texels of the room at the scale of these tests, gutters included.
+const BAKED_TEXELS: u64 = 19_446;
+
 fn undisturbed(dir: &TempDir) -> std::path::PathBuf {
     let path = dir.path().join("undisturbed");
     bake_room(&path, LONGER);
@@ -44,8 +47,12 @@ fn a_coordinator_killed_mid_bake_continues_without_baking_accepted_tiles_again()
     let package = dir.path().join("package");
     server.fetch_when_done(&job, &package);
     assert_same_package(&expected, &package);
+    let metrics = server.text("/metrics");
+    assert!(metrics.lines().any(|l| l == "kiln_tiles_duplicate_total 0"), "{metrics}");
     let report: Value = serde_json::from_slice(&std::fs::read(package.join("report.json")).unwrap()).unwrap();
-    assert_eq!(report["tiles_duplicate"], 0, "{report}");
+    let delivered: u64 =
+        report["workers"].as_array().unwrap().iter().filter(|w| w["phase"] == "bake").map(|w| w["texels"].as_u64().unwrap()).sum();
+    assert_eq!(delivered, BAKED_TEXELS, "every texel was delivered once: {report}");
 }
 
 #[test]

@@ -194,6 +194,12 @@ impl Server {
         runtime().block_on(async { reqwest::get(url).await.unwrap().json().await.unwrap() })
     }
 
+    /// GET a text.
+    pub(crate) fn text(&self, path: &str) -> String {
+        let url = format!("{}{path}", self.url);
+        runtime().block_on(async { reqwest::get(url).await.unwrap().text().await.unwrap() })
+    }
+
     /// Waits until the job's record satisfies `is`; the record.
     pub(crate) fn wait_for(&self, job: &str, what: &str, is: impl Fn(&Value) -> bool) -> Value {
         let start = Instant::now();

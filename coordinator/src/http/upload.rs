@@ -65,7 +65,7 @@ impl Upload {
         name.as_deref().map_or(Ok(()), check_name)?;
         let mut stream = request.into_body().into_data_stream();
         let spooled = body::spool(engine, &mut stream, &mut Budget::new(limits::BUNDLE_BYTES)).await?;
-        some_content(spooled.length)?;
+        some_content(spooled.length, name.as_deref().into_iter())?;
         let name = name.unwrap_or_else(|| if spooled.zipped { "scene.zip" } else { "scene.obj" }.to_owned());
         Ok(Self { files: vec![(name, spooled.path)], settings: None })
     }
@@ -96,7 +96,7 @@ impl Upload {
             total += spooled.length;
             files.push((name, spooled.path));
         }
-        some_content(total)?;
+        some_content(total, files.iter().map(|(name, _)| name.as_str()))?;
         Ok(Self { files, settings })
     }
 }
@@ -114,8 +114,16 @@ async fn settings_part(mut field: Field<'_>, again: bool) -> Answer<Vec<u8>> {
     body::collect(&mut field, JSON_BYTES).await
 }
 
-fn some_content(bytes: u64) -> Answer<()> {
-    if bytes == 0 { Err(Failure::new(Kind::EmptyUpload, "the upload has no file with content")) } else { Ok(()) }
+fn some_content<'a>(bytes: u64, names: impl Iterator<Item = &'a str>) -> Answer<()> {
+    if bytes > 0 {
+        return Ok(());
+    }
+    let names: Vec<String> = names.map(|n| n.escape_debug().to_string()).collect();
+    let detail = match names.as_slice() {
+        [] => "the upload has no file".to_owned(),
+        _ => format!("the upload has no file with content: {}", names.join(", ")),
+    };
+    Err(Failure::new(Kind::EmptyUpload, detail))
 }
 
 /// The `filename` of Content-Disposition. The extended form (`filename*`) is not read: `?name=` takes any text.
