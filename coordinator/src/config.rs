@@ -65,8 +65,6 @@ pub struct ChunkConfig {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct KeepConfig {
-    /// Events of each job.
-    pub events: u32,
     /// Records of workers that fell silent, milliseconds.
     pub dead_workers_ms: u64,
     /// Blobs that no row names, milliseconds.
@@ -103,7 +101,7 @@ impl Default for ChunkConfig {
 
 impl Default for KeepConfig {
     fn default() -> Self {
-        Self { events: 10_000, dead_workers_ms: 24 * 3_600_000, unnamed_blobs_ms: 3_600_000 }
+        Self { dead_workers_ms: 24 * 3_600_000, unnamed_blobs_ms: 3_600_000 }
     }
 }
 
@@ -149,7 +147,7 @@ impl Config {
                 problems.push(Problem { message, file: None, line: None });
             }
         };
-        let (lease, chunks, keep) = (&self.lease, &self.chunks, &self.keep);
+        let (lease, chunks) = (&self.lease, &self.chunks);
         require(!self.data_dir.as_os_str().is_empty(), "data_dir: must name a folder".into());
         require(self.workers <= 256, format!("workers: {} processes; at most 256 are started beside the service", self.workers));
         require((1..=64).contains(&self.tasks), format!("tasks: {} is not between 1 and 64", self.tasks));
@@ -172,7 +170,6 @@ impl Config {
             format!("chunks.bytes: {} is not between 1 and {}", chunks.bytes, kiln_proto::limits::CHUNK_BYTES),
         );
         require((1..=1_024).contains(&chunks.concurrent), format!("chunks.concurrent: {} is not between 1 and 1024", chunks.concurrent));
-        require(keep.events >= 1, "keep.events: must be at least 1".into());
         problems
     }
 }

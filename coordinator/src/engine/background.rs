@@ -70,8 +70,9 @@ pub(super) async fn collect(core: &Core, before: UnixMillis) -> Result<u64, supe
         if written >= before {
             continue;
         }
-        // Alone: nobody is between writing this blob again and naming it.
-        let _alone = core.gate.write().await;
+        // Alone: nobody is between writing this blob again and naming it. Never waited for, since a waiting writer would hold up every
+        // chunk behind a long assembly; what is busy now is looked at again next time.
+        let Ok(_alone) = core.gate.try_write() else { continue };
         if !core.store.names(name).await? {
             core.blobs.delete(name).await?;
             removed += 1;

@@ -140,7 +140,7 @@ impl Core {
 
     /// A plan, decoded.
     pub(super) async fn plan(&self, plan: &PlanRef) -> Result<Arc<Plan>, EngineError> {
-        if let Some(found) = recall(&mut lock(&self.plans), plan.digest) {
+        if let Some(found) = recall(&mut lock(&self.plans), &plan.digest) {
             return Ok(found);
         }
         let bytes = self.load_compressed(plan.blob).await?;
@@ -152,7 +152,7 @@ impl Core {
 
     /// A scene, decoded and validated.
     pub(super) async fn scene(&self, hash: SceneHash) -> Result<Arc<Scene>, EngineError> {
-        if let Some(found) = recall(&mut lock(&self.scenes), hash) {
+        if let Some(found) = recall(&mut lock(&self.scenes), &hash) {
             return Ok(found);
         }
         let missing = || EngineError::NotFound { what: "scene", id: hash.to_string() };
@@ -166,8 +166,8 @@ impl Core {
 }
 
 /// The last entry is the one used last.
-fn recall<K: PartialEq, V: Clone>(cache: &mut Vec<(K, V)>, key: K) -> Option<V> {
-    let at = cache.iter().position(|(k, _)| *k == key)?;
+fn recall<K: PartialEq, V: Clone>(cache: &mut Vec<(K, V)>, key: &K) -> Option<V> {
+    let at = cache.iter().position(|(k, _)| k == key)?;
     let entry = cache.remove(at);
     let value = entry.1.clone();
     cache.push(entry);

@@ -138,6 +138,7 @@ impl Engine {
             let mut meter = core.meter();
             meter.heard(row.worker, now);
             meter.rays(token, row.job, finish.rays, now);
+            meter.measured(row.worker, row.job, row.phase, row.texels, now - row.granted_ms);
             meter.ended(token);
         }
         if let Some(failure) = &finish.failure {
@@ -159,6 +160,7 @@ pub(super) async fn note_failure(core: &Core, job: JobId, message: String) -> Re
     if hopeless {
         // It may have ended meanwhile; then there is nothing left to fail.
         let _ = core.store.job_event(job, &job::Event::Fail(problem), core.now()).await?;
+        core.meter().forget(job);
     } else {
         core.store.add_problem(job, &problem, core.now()).await?;
     }
@@ -200,9 +202,10 @@ async fn try_grant(core: &Core, worker: &WorkerRecord) -> Result<Option<LeaseGra
 /// How much of the candidate this worker gets.
 async fn size(core: &Core, worker: &WorkerRecord, candidate: &Candidate) -> Result<TileRun, EngineError> {
     let plan = core.plan(&candidate.plan).await?;
+    let speed = core.meter().speeds.of(worker.id, candidate.job, candidate.phase);
     let sizing = Sizing {
         target_ms: core.config.lease.target_ms,
-        speed: core.meter().speeds.of(worker.id, candidate.job, candidate.phase),
+        speed,
         threads: worker.threads,
         pending: candidate.pending,
         workers: core.present_workers(),

@@ -26,7 +26,7 @@ struct JobMeter {
 #[derive(Default)]
 pub(super) struct Meter {
     jobs: HashMap<JobId, JobMeter>,
-    rays: HashMap<Token, u64>,
+    rays: HashMap<Token, (JobId, u64)>,
     heard: HashMap<WorkerId, UnixMillis>,
     pub(super) speeds: Speeds,
 }
@@ -50,7 +50,7 @@ impl Meter {
 
     /// A worker says how many rays an attempt has traced so far.
     pub(super) fn rays(&mut self, token: Token, job: JobId, total: u64, now: UnixMillis) {
-        let before = self.rays.insert(token, total).unwrap_or(0);
+        let before = self.rays.insert(token, (job, total)).map_or(0, |(_, before)| before);
         self.add(job, total.saturating_sub(before), 0, now);
     }
 
@@ -102,6 +102,7 @@ impl Meter {
     /// Forgets a job.
     pub(super) fn forget(&mut self, job: JobId) {
         self.jobs.remove(&job);
+        self.rays.retain(|_, (of, _)| *of != job);
         self.speeds.forget(job);
     }
 }

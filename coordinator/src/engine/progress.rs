@@ -1,6 +1,6 @@
 //! A job as clients see it: the stored row, plus what is known of the present moment.
 
-use super::core::Core;
+use super::{core::Core, space};
 use crate::{
     job::Job,
     records::{JobRecord, JobState, Progress},
@@ -56,10 +56,17 @@ fn waiting(core: &Core, row: &JobRow) -> Option<String> {
     match row.state {
         Job::Queued => Some("its scene is being imported".into()),
         Job::Baking { left: 0, .. } => None,
+        Job::Baking { .. } if full(core) => {
+            Some(format!("the disk of {} is full; workers are put off until there is room", core.config.data_dir.display()))
+        }
         Job::Baking { .. } if row.workers == 0 => Some(match core.present_workers() {
             0 => "no worker is connected; start one with `kiln work --join URL`".into(),
             n => format!("{n} workers are connected, none has taken a tile of it yet"),
         }),
         _ => None,
     }
+}
+
+fn full(core: &Core) -> bool {
+    space::free(&core.config.data_dir).is_ok_and(|free| free < core.config.reserve_bytes)
 }

@@ -40,10 +40,18 @@ async fn see_through(core: &Arc<Core>, lease: TaskLease) {
         tracing::warn!(task = ?lease.task, "lost to another coordinator");
         return;
     };
-    let result = outcome.unwrap_or_else(|error| {
-        tracing::warn!(task = ?lease.task, error = %problem(&error), "failed");
-        TaskResult::Failed(problem(&error))
-    });
+    let result = match outcome {
+        Ok(result) => result,
+        // Not the job's fault, and nothing could be recorded now: the lease runs out and the task is done again.
+        Err(EngineError::Store(error)) if !error.is_full() => {
+            tracing::error!(task = ?lease.task, error = %problem(&error), "the store failed under a task");
+            return;
+        }
+        Err(error) => {
+            tracing::warn!(task = ?lease.task, error = %problem(&error), "failed");
+            TaskResult::Failed(problem(&error))
+        }
+    };
     match core.store.finish_task(lease.token, &result, core.now()).await {
         Ok(true) => {}
         Ok(false) => tracing::warn!(task = ?lease.task, "its result came too late"),
@@ -56,7 +64,12 @@ async fn see_through(core: &Arc<Core>, lease: TaskLease) {
             core.signals.scenes.notify_waiters();
             core.signals.tasks.notify_waiters();
         }
-        Task::Job(job, _) => core.signals.job_changed(job),
+        Task::Job(job, task) => {
+            if task == JobTask::Publish {
+                core.meter().forget(job);
+            }
+            core.signals.job_changed(job);
+        }
     }
 }
 

@@ -196,8 +196,6 @@ pub enum TaskResult {
     Published(Vec<StoredPackageFile>),
     /// It cannot be done: the job fails.
     Failed(Problem),
-    /// Not now; it goes back to the queue.
-    Later,
 }
 
 /// Tiles that wait for a worker.
@@ -251,6 +249,8 @@ pub struct AttemptRow {
     pub state: Attempt,
     /// When it was granted.
     pub granted_ms: UnixMillis,
+    /// Texels it delivered first, gutters included.
+    pub texels: u64,
 }
 
 /// A tile of a chunk.

@@ -4,6 +4,7 @@ mod chunks;
 mod crash;
 mod faults;
 mod flow;
+mod real;
 
 use super::{
     Engine, EngineError, JobFilter, Parts, UploadedFile, background,

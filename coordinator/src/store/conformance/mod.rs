@@ -1,1 +1,112 @@
-//! What every store must do.
+//! What every store must do, whatever it is made of. An implementation's test calls [`all`] with a way to make empty stores.
+
+mod jobs;
+mod leases;
+mod schedule;
+
+use super::{ChunkTile, Grant, JobSpec, NewChunk, PlanRef, SceneRow, Store, StoredFile, Task, TaskResult};
+use crate::{
+    blob::BlobName,
+    job::JobTask,
+    records::{SceneState, SceneStatistics, UnixMillis},
+};
+use kiln_proto::{
+    ids::{Digest, JobId, SceneHash, Token, WorkerId},
+    settings::SettingsPatch,
+    tile::{TileIndex, TileRun},
+    wire::message::Phase,
+};
+use std::{future::Future, sync::Arc};
+use uuid::Uuid;
+
+/// Runs the suite.
+pub(crate) async fn all<F: Future<Output = Arc<dyn Store>>>(fresh: impl Fn() -> F) {
+    jobs::a_job_runs_through_its_tasks(&*fresh().await).await;
+    jobs::jobs_wait_for_their_scene_and_fail_with_it(&*fresh().await).await;
+    jobs::a_task_belongs_to_its_token(&*fresh().await).await;
+    jobs::a_task_that_never_ends_fails_its_job(&*fresh().await).await;
+    jobs::events_are_kept_up_to_a_bound(&*fresh().await).await;
+    jobs::blobs_are_named_as_long_as_rows_name_them(&*fresh().await).await;
+    leases::a_run_is_granted_once(&*fresh().await).await;
+    leases::priority_then_age_decides(&*fresh().await).await;
+    leases::expiry_returns_what_is_owed_and_takes_late_chunks(&*fresh().await).await;
+    leases::a_repeated_chunk_changes_nothing(&*fresh().await).await;
+    leases::the_end_of_a_job_ends_its_leases(&*fresh().await).await;
+    schedule::random_schedules_agree_with_the_oracle(&*fresh().await).await;
+}
+
+const NOW: UnixMillis = 1_000;
+
+fn blob(text: &str) -> BlobName {
+    BlobName::of(text.as_bytes())
+}
+
+fn plan(text: &str) -> PlanRef {
+    PlanRef { digest: Digest::of(text.as_bytes()), blob: blob(text) }
+}
+
+async fn scene(store: &dyn Store) -> SceneRow {
+    let file = StoredFile { name: "a.obj".into(), blob: blob("obj") };
+    store.add_scene(Uuid::now_v7(), &[file], NOW).await.unwrap()
+}
+
+fn statistics() -> SceneStatistics {
+    SceneStatistics {
+        triangles: 1,
+        surfaces: vec!["s".into()],
+        materials: 1,
+        textures: 0,
+        emissive_triangles: 0,
+        low: [0.0; 3],
+        high: [1.0; 3],
+    }
+}
+
+/// Takes the next task, which must be this one, and ends it.
+async fn perform(store: &dyn Store, expected: Task, result: &TaskResult) {
+    let token = Token::random();
+    let lease = store.take_task(token, NOW + 1_000_000).await.unwrap().expect("a task");
+    assert_eq!(lease.task, expected);
+    assert!(store.finish_task(token, result, NOW).await.unwrap());
+}
+
+async fn ready_scene(store: &dyn Store) -> Uuid {
+    let id = scene(store).await.record.id;
+    let result =
+        TaskResult::Imported { scene: SceneHash::of(b"s"), canonical: blob("canonical"), statistics: statistics(), warnings: vec![] };
+    perform(store, Task::Import(id), &result).await;
+    assert_eq!(store.scene(id).await.unwrap().unwrap().record.state, SceneState::Ready);
+    id
+}
+
+fn spec(scene: Uuid, priority: i32) -> JobSpec {
+    let settings = SettingsPatch::default().resolve().unwrap();
+    JobSpec { id: JobId::random(), scene, settings, priority, labels: [("a".to_owned(), "b".to_owned())].into(), bake_version: 1 }
+}
+
+/// A job whose Probe phase of `tiles` tiles is open.
+async fn probing(store: &dyn Store, scene: Uuid, tiles: u64, priority: i32) -> JobId {
+    let job = store.add_job(&spec(scene, priority), NOW).await.unwrap().spec.id;
+    let prepared = TaskResult::Prepared { plan: plan("one"), tiles, cost: tiles * 10, surfaces: 1, texels: 7, warnings: vec![] };
+    perform(store, Task::Job(job, JobTask::Prepare), &prepared).await;
+    job
+}
+
+fn grant(job: JobId, start: u64, end: u64, at: UnixMillis) -> Grant {
+    Grant {
+        token: Token::random(),
+        worker: WorkerId::random(),
+        job,
+        phase: Phase::Probe,
+        run: TileRun { start, end },
+        deadline: at + 100,
+        cap: at + 10_000,
+    }
+}
+
+/// A chunk of these tiles; `salt` changes every digest.
+fn chunk(token: Token, n: u64, tiles: &[u64], salt: &str) -> NewChunk {
+    let tile = |t: &u64| ChunkTile { tile: TileIndex(*t), digest: Digest::of(format!("{salt}{t}").as_bytes()), cost: 10 };
+    let tiles: Vec<ChunkTile> = tiles.iter().map(tile).collect();
+    NewChunk { token, n, blob: blob(&format!("{token}{n}")), trailer_at: 5, length: 9, tiles }
+}

@@ -60,6 +60,7 @@ fn row(row: &SqliteRow) -> Result<AttemptRow, StoreError> {
         run: TileRun { start: number("first")?, end: number("past")? },
         state,
         granted_ms: row.try_get("granted")?,
+        texels: number("texels")?,
     })
 }
 

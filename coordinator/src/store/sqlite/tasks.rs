@@ -81,10 +81,6 @@ fn name(task: Task) -> &'static str {
 }
 
 pub(super) async fn finish(c: &mut SqliteConnection, token: Token, result: &TaskResult, now: UnixMillis) -> Result<bool, StoreError> {
-    if *result == TaskResult::Later {
-        let query = sqlx::query("UPDATE tasks SET token = NULL, deadline = NULL, tries = tries - 1 WHERE token = ?");
-        return Ok(query.bind(token.to_string()).execute(c).await?.rows_affected() > 0);
-    }
     let query = sqlx::query_scalar("DELETE FROM tasks WHERE token = ? RETURNING task").bind(token.to_string());
     let task: Option<String> = query.fetch_optional(&mut *c).await?;
     let Some(task) = task else { return Ok(false) };
@@ -122,7 +118,7 @@ async fn settle(c: &mut SqliteConnection, task: Task, result: &TaskResult, now: 
             job::Event::Published
         }
         TaskResult::Failed(problem) => job::Event::Fail(problem.clone()),
-        TaskResult::Imported { .. } | TaskResult::Rejected(_) | TaskResult::Later => return Ok(()),
+        TaskResult::Imported { .. } | TaskResult::Rejected(_) => return Ok(()),
     };
     match jobs::happen(c, id, &event, now).await? {
         Some(Err(illegal)) => Err(super::rows::strange("a task that fits its job", illegal.to_string())),

@@ -1,0 +1,80 @@
+//! The real pipeline end to end: real import, plan, segment checks and assembly. Only the light is invented: every texel is grey.
+
+use super::*;
+use kiln_proto::{
+    codec::pwl::{ErrorStats, Kept},
+    probe::ProbeSums,
+    segment::{ProbeSegment, Raw, Rows, Segment, TexelMask, TileSegment},
+    texel::SurfaceRaster,
+};
+
+struct Studio {
+    plan: Plan,
+    rasters: Vec<SurfaceRaster>,
+}
+
+impl Studio {
+    async fn new(engine: &Engine, grant: &LeaseGrant) -> Self {
+        let scene = engine.core.scene(grant.scene).await.unwrap();
+        // As a worker gets it: over the wire, by its digest.
+        let packed = engine.plan_bytes(grant.plan).await.unwrap().stream.try_collect::<Vec<Bytes>>().await.unwrap().concat();
+        let bytes = zstd::stream::decode_all(packed.as_slice()).unwrap();
+        assert_eq!(Plan::digest_of(&bytes), grant.plan);
+        let plan = Plan::from_bytes(&bytes).unwrap();
+        let layouts = scene.surfaces.iter().zip(&plan.surfaces);
+        let rasters = layouts.map(|(s, layout)| SurfaceRaster::new(&scene, s, layout, plan.settings.frame)).collect();
+        Self { plan, rasters }
+    }
+
+    fn segment(&self, phase: Phase, tile: u64) -> Vec<u8> {
+        let grid = self.plan.settings.directions;
+        if phase == Phase::Probe {
+            let mut sums = ProbeSums::new(self.plan.surfaces.len());
+            sums.count(0.5);
+            return Segment::Probe(ProbeSegment { tile: TileIndex(tile), grid, sums }).to_bytes().unwrap();
+        }
+        let (surface, planned) = self.plan.locate(TileIndex(tile)).unwrap();
+        let (mut mask, mut rows, mut errors) = (TexelMask::default(), Rows::default(), ErrorStats::default());
+        for row in self.rasters[surface].tile(planned.cell) {
+            mask.insert(row.x % 32, row.y % 32, row.is_covered());
+            rows.push(&[Kept { depth: 0, rgb: [90; 3] }, Kept { depth: grid.len() as u16 - 1, rgb: [90; 3] }]);
+            if row.is_covered() {
+                (0..grid.len()).for_each(|_| errors.measure(&[[90; 3]], &[[90; 3]]));
+            }
+        }
+        let walk = self.plan.probe.as_ref().unwrap().walks[surface];
+        let (tile, cell) = (TileIndex(tile), planned.cell);
+        Segment::Tile(TileSegment { tile, surface: surface as u32, cell, grid, walk, mask, errors, rows, raw: Raw::None })
+            .to_bytes()
+            .unwrap()
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn real_segments_become_a_real_package() {
+    let rig = Rig::new();
+    let engine = Engine::open(rig.config()).await.unwrap();
+    let scene = ready_scene(&engine).await;
+    let settings = SettingsPatch { directions: Some("2x2".parse().unwrap()), texels_per_metre: Some(12.0), ..SettingsPatch::default() };
+    let job = engine.create_job(NewJob { settings, ..new_job(&scene) }).await.unwrap().id;
+    let worker = Worker::join(&engine, "grey").await;
+    while !engine.job(job).await.unwrap().state.is_final() {
+        let Some(grant) = worker.lease_within(20).await else { continue };
+        let studio = Studio::new(&engine, &grant).await;
+        let segments: Vec<_> = (grant.tiles.start..grant.tiles.end).map(|t| (t, studio.segment(grant.phase, t))).collect();
+        worker.put(grant.token, 0, &pack(&segments)).await.unwrap();
+        engine.complete(grant.token, &finish()).await.unwrap();
+    }
+    let record = engine.job(job).await.unwrap();
+    assert_eq!(record.state, JobState::Done, "{:?}", record.problem);
+    let manifest: serde_json::Value = serde_json::from_slice(&engine.manifest(job).await.unwrap()).unwrap();
+    let listed = manifest["files"].as_array().unwrap();
+    let files = engine.package(job).await.unwrap();
+    assert!(files.iter().any(|f| f.path == "surfaces/floor.mtsp"), "{files:?}");
+    for file in files.iter().filter(|f| !["manifest.json", "report.json"].contains(&f.path.as_str())) {
+        let entry = listed.iter().find(|e| e["path"] == file.path.as_str()).expect("every file stands in the manifest");
+        assert_eq!((entry["sha256"].as_str(), entry["bytes"].as_u64()), (Some(file.sha256.as_str()), Some(file.bytes)));
+        assert_eq!(read_all(&engine, job, &file.path).await.len() as u64, file.bytes);
+    }
+    assert_eq!(listed.len() + 2, files.len());
+}
