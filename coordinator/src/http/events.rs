@@ -79,7 +79,12 @@ pub(super) async fn stream(
     let after = position(&headers, query.after)?;
     let record = app.engine.job(job).await?;
     let mut follower = Follower { engine: app.engine, job, after, closing: app.closing, queue: VecDeque::new(), ended: false };
-    let first = follower.engine.events(job, after, PAGE).await?;
+    let mut first = follower.engine.events(job, after, PAGE).await?;
+    if first.dropped && first.events.is_empty() {
+        // A position that this stream never had, as after a restored backup: only the beginning is certain.
+        follower.after = 0;
+        first = follower.engine.events(job, 0, PAGE).await?;
+    }
     if record.state.is_final() && first.events.is_empty() {
         return Ok(StatusCode::NO_CONTENT.into_response());
     }

@@ -4,7 +4,7 @@ use super::*;
 
 impl Bench {
     /// A job of the smallest scene; no worker ever takes its tiles.
-    async fn job(&self) -> String {
+    pub(super) async fn job(&self) -> String {
         let body = parts(&[("settings", None, r#"{"preset": "draft"}"#), ("scene", Some("room.obj"), OBJ)]);
         let reply = self.post_parts("/v1/bakes", body).await;
         assert_eq!(reply.status, StatusCode::CREATED, "{:?}", reply.body);
@@ -99,6 +99,7 @@ async fn a_finished_jobs_events_are_replayed_from_any_position() {
     assert_eq!(events(&bench.send(resume(last - 1)).await), all[all.len() - 1..]);
     assert_eq!(events(&bench.get(&format!("{path}?after={}", last - 1)).await), all[all.len() - 1..]);
     assert_eq!(bench.send(resume(last)).await.status, StatusCode::NO_CONTENT);
+    assert_eq!(events(&bench.send(resume(last + 1_000)).await), all, "a position that the stream never had");
     let wrong = Request::get(&path).header("last-event-id", "first").body(Body::empty()).unwrap();
     assert_eq!(bench.send(wrong).await.problem().1, "invalid-request");
 }

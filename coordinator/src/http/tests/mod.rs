@@ -1,6 +1,7 @@
 //! The real router over a real engine in a temporary folder.
 
 mod jobs;
+mod package;
 mod surface;
 mod tcp;
 mod uploads;
@@ -55,8 +56,11 @@ impl Reply {
 impl Bench {
     async fn new() -> Self {
         let folder = TempDir::new().unwrap();
-        let config = Config { data_dir: folder.path().join("data"), workers: 0, reserve_bytes: 0, ..Config::default() };
-        let engine = Engine::open(config).await.unwrap();
+        let engine = Engine::open(config(&folder)).await.unwrap();
+        Self::over(engine, folder)
+    }
+
+    fn over(engine: Arc<Engine>, folder: TempDir) -> Self {
         let router = App::new(Arc::clone(&engine), HostPolicy::Loopback, CancellationToken::new()).router();
         Self { engine, router, folder }
     }
@@ -83,6 +87,10 @@ impl Bench {
         walk(self.folder.path(), &mut found);
         found
     }
+}
+
+fn config(folder: &TempDir) -> Config {
+    Config { data_dir: folder.path().join("data"), workers: 0, reserve_bytes: 0, ..Config::default() }
 }
 
 async fn send(router: &Router, request: Request<Body>) -> Reply {

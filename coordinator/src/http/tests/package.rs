@@ -1,0 +1,176 @@
+//! A job from upload to package, all of it over HTTP: this test is the client and the worker. Segments are a few bytes that name their tile.
+
+use super::*;
+use crate::{
+    engine::{
+        Parts,
+        ports::{Kiln, Pipeline, Segments},
+    },
+    http::worker_protocol::FRAME,
+    import::Imported,
+    records::Problem,
+};
+use kiln_proto::{
+    BAKE_VERSION,
+    ids::{Digest, SceneHash, WorkerId},
+    plan::Plan,
+    probe::ProbeSums,
+    scene::Scene,
+    settings::BakeSettings,
+    tile::TileIndex,
+    wire::{
+        frame::{Message, from_frame, to_frame},
+        message::{
+            ChunkEntry, ChunkTrailer, ChunkVerdict, Finish, Heartbeat, HeartbeatReply, Hello, LeaseGrant, LeaseRequest, Phase, Welcome,
+        },
+    },
+};
+use std::{io::Read, path::PathBuf};
+
+/// Real import and plan; a package of the segments one after another.
+struct Names;
+
+fn segment(tile: TileIndex) -> Vec<u8> {
+    format!("tile {tile};").into_bytes()
+}
+
+impl Pipeline for Names {
+    fn import(&self, files: Vec<(String, PathBuf)>, scratch: &Path) -> Result<Imported, Vec<Problem>> {
+        Kiln.import(files, scratch)
+    }
+    fn plan(&self, scene: &Scene, hash: SceneHash, settings: &BakeSettings) -> Result<(Plan, Vec<Problem>), Problem> {
+        Kiln.plan(scene, hash, settings)
+    }
+    fn check(&self, bytes: &[u8], _: &Plan, _: Phase, tile: TileIndex) -> Result<(), Problem> {
+        let wrong = Problem { message: "another tile's data".into(), file: None, line: None };
+        if bytes == segment(tile) { Ok(()) } else { Err(wrong) }
+    }
+    fn probe(&self, _: &[u8], plan: &Plan, _: TileIndex) -> Result<ProbeSums, Problem> {
+        let mut sums = ProbeSums::new(plan.surfaces.len());
+        sums.count(0.25);
+        Ok(sums)
+    }
+    fn assemble(&self, plan: &Plan, _: &Scene, surface: usize, segments: &dyn Segments, dir: &Path) -> Result<Value, Problem> {
+        let first = plan.first_tile(surface).0;
+        let tiles = first..first + plan.surfaces[surface].tiles.len() as u64;
+        let bytes = tiles.map(|tile| segments.segment(TileIndex(tile))).collect::<Result<Vec<_>, _>>()?.concat();
+        std::fs::create_dir_all(dir).unwrap();
+        std::fs::write(dir.join("floor.names"), bytes).unwrap();
+        Ok(serde_json::json!({ "surface": surface }))
+    }
+    fn manifest(&self, _: &Plan, _: &Scene, _: &[Value], dir: &Path) -> Result<(), Problem> {
+        std::fs::write(dir.join("manifest.json"), "{}").unwrap();
+        Ok(())
+    }
+}
+
+/// A chunk of a lease's tiles.
+fn chunk(grant: &LeaseGrant) -> Vec<u8> {
+    let (mut bytes, mut entries) = (Vec::new(), Vec::new());
+    for tile in (grant.tiles.start..grant.tiles.end).map(TileIndex) {
+        let plain = segment(tile);
+        let packed = zstd::bulk::compress(&plain, 1).unwrap();
+        let (offset, length, plain_length) = (bytes.len() as u64, packed.len() as u64, plain.len() as u64);
+        entries.push(ChunkEntry { tile, offset, length, plain_length, digest: Digest::of(&plain) });
+        bytes.extend(packed);
+    }
+    let trailer = to_frame(&ChunkTrailer { entries }).unwrap();
+    bytes.extend(&trailer);
+    bytes.extend((trailer.len() as u32).to_le_bytes());
+    bytes
+}
+
+impl Bench {
+    async fn call(&self, path: &str, message: &impl Message) -> Reply {
+        let body = to_frame(message).unwrap();
+        self.send(Request::post(path).header(header::CONTENT_TYPE, FRAME).body(body.into()).unwrap()).await
+    }
+
+    /// Does everything that there is to do until the job is done.
+    async fn bake(&self, worker: WorkerId, job: &str) {
+        let mut record = Value::Null;
+        for _ in 0..1_000 {
+            record = self.get(job).await.json();
+            if record["state"] == "done" {
+                return;
+            }
+            assert_eq!(record["problem"], Value::Null);
+            let reply = self.call("/v1/worker/leases", &LeaseRequest { worker, wait_ms: 20 }).await;
+            if reply.status == StatusCode::NO_CONTENT {
+                continue;
+            }
+            let grant: LeaseGrant = from_frame(&reply.body).unwrap();
+            let scene = self.get(&format!("/v1/worker/scenes/{}", grant.scene)).await;
+            assert_eq!(SceneHash::of(&zstd::stream::decode_all(&*scene.body).unwrap()), grant.scene);
+            let plan = self.get(&format!("/v1/worker/plans/{}", grant.plan)).await;
+            assert_eq!(Digest::of(&zstd::stream::decode_all(&*plan.body).unwrap()), grant.plan);
+            let attempt = format!("/v1/worker/attempts/{}", grant.token);
+            let beat = self.call(&format!("{attempt}/heartbeat"), &Heartbeat { texels_done: 1, rays: 10 }).await;
+            assert_eq!(from_frame::<HeartbeatReply>(&beat.body).unwrap(), HeartbeatReply::Continue);
+            let reply = self.send(Request::put(format!("{attempt}/chunks/0")).body(chunk(&grant).into()).unwrap()).await;
+            let verdict: ChunkVerdict = from_frame(&reply.body).unwrap();
+            assert_eq!(verdict.tiles.len() as u64, grant.tiles.len());
+            let finish = Finish { core_seconds: 1.0, rays: 20, peak_rss_bytes: 1, failure: None };
+            assert_eq!(self.call(&format!("{attempt}/complete"), &finish).await.status, StatusCode::NO_CONTENT);
+        }
+        panic!("the job does not end: {record}");
+    }
+
+    async fn get_with(&self, path: &str, name: header::HeaderName, value: &str) -> Reply {
+        self.send(Request::get(path).header(name, value).body(Body::empty()).unwrap()).await
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_scene_becomes_a_package_over_http() {
+    let folder = TempDir::new().unwrap();
+    let config = config(&folder);
+    std::fs::create_dir_all(&config.data_dir).unwrap();
+    let parts = Parts { pipeline: Arc::new(Names), ..Parts::local(&config.data_dir).await.unwrap() };
+    let bench = Bench::over(Engine::open_with(config, parts).await.unwrap(), folder);
+    let hello = Hello { bake_version: BAKE_VERSION, name: "test".into(), threads: 1, features: vec![] };
+    let welcome: Welcome = from_frame(&bench.call("/v1/worker/hello", &hello).await.body).unwrap();
+    let job = format!("/v1/jobs/{}", bench.job().await);
+    bench.bake(welcome.worker, &job).await;
+
+    let tiles = bench.get(&format!("{job}/tiles")).await.json();
+    let count = tiles["tiles_done"].as_u64().unwrap();
+    assert_eq!((&tiles["phase"], &tiles["runs"]), (&"bake".into(), &serde_json::json!([{"start": 0, "end": count}])));
+    let expected: Vec<u8> = (0..count).flat_map(|tile| segment(TileIndex(tile))).collect();
+    files_come_whole_and_in_parts(&bench, &job, &expected).await;
+    archives_hold_the_package(&bench, &job, &expected).await;
+    let figures = String::from_utf8(bench.get("/metrics").await.body.to_vec()).unwrap();
+    assert!(figures.contains("kiln_jobs{state=\"done\"} 1") && !figures.contains("kiln_rays_total 0"), "{figures}");
+    assert_eq!(bench.get(&format!("{job}/assets/none.such")).await.problem().1, "unknown-asset");
+    assert_eq!(bench.get(&format!("{job}/assets/../kiln.db")).await.status, StatusCode::NOT_FOUND);
+}
+
+async fn files_come_whole_and_in_parts(bench: &Bench, job: &str, expected: &[u8]) {
+    assert_eq!(bench.get(&format!("{job}/assets")).await.body, "{}");
+    let path = format!("{job}/assets/floor.names");
+    let whole = bench.get(&path).await;
+    assert_eq!((whole.status, &whole.body[..]), (StatusCode::OK, expected));
+    let etag = whole.headers[header::ETAG].to_str().unwrap();
+    let part = bench.get_with(&path, header::RANGE, "bytes=5-6").await;
+    assert_eq!((part.status, &part.body[..]), (StatusCode::PARTIAL_CONTENT, &expected[5..7]));
+    let tail = bench.get_with(&path, header::RANGE, "bytes=-3").await;
+    assert_eq!(&tail.body[..], &expected[expected.len() - 3..]);
+    assert_eq!(bench.get_with(&path, header::RANGE, "bytes=99999999-").await.problem().0, 416);
+    let held = bench.get_with(&path, header::IF_NONE_MATCH, etag).await;
+    assert_eq!((held.status, held.body.len()), (StatusCode::NOT_MODIFIED, 0));
+    let head = bench.send(Request::head(&path).body(Body::empty()).unwrap()).await;
+    assert_eq!((head.headers[header::CONTENT_LENGTH].to_str().unwrap(), head.body.len()), (expected.len().to_string().as_str(), 0));
+}
+
+async fn archives_hold_the_package(bench: &Bench, job: &str, expected: &[u8]) {
+    let zipped = bench.get(&format!("{job}/bundle.zip")).await;
+    assert_eq!(zipped.headers[header::CONTENT_TYPE], "application/zip");
+    let mut archive = zip::ZipArchive::new(std::io::Cursor::new(zipped.body)).unwrap();
+    let mut found = Vec::new();
+    archive.by_name("floor.names").unwrap().read_to_end(&mut found).unwrap();
+    assert_eq!(found, expected);
+    let tarred = bench.get(&format!("{job}/bundle.tar.zst")).await;
+    let mut archive = tar::Archive::new(zstd::stream::Decoder::new(&*tarred.body).unwrap());
+    let names: Vec<String> = archive.entries().unwrap().map(|entry| entry.unwrap().path().unwrap().display().to_string()).collect();
+    assert_eq!(names, ["floor.names", "manifest.json", "report.json"]);
+}
