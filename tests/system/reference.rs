@@ -1,4 +1,4 @@
-//! The estimator against true radiance: a reduced form of the full comparison, which `make soak` runs over every query.
+//! The estimator against true radiance: a part of the queries in `make test`, all of them in `make soak` (`KILN_SOAK=1`).
 //!
 //! The reference values were computed with Mitsuba 3 at 16,384 samples a query with the BRDF of the light-transport documentation
 //! (normalised modified Phong), at the nominal texel centres, depth 5.
@@ -8,7 +8,14 @@ use std::{collections::BTreeMap, path::Path};
 use tempfile::TempDir;
 
 /// Queries of each file that the quick form looks at.
-const QUERIES: usize = 250;
+const QUICK_QUERIES: usize = 250;
+
+/// Sums over the queries of one texel, whose directions share their noise.
+#[derive(Default)]
+struct Texel {
+    error: f64,
+    truth: f64,
+}
 
 struct Row {
     surface: String,
@@ -39,35 +46,42 @@ fn compare(name: &str, obj: &str) {
     let source = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("tests/reference/{name}.csv"));
     let text = std::fs::read_to_string(source).unwrap();
     let (queries, answers) = (dir.path().join("queries.csv"), dir.path().join("answers.csv"));
-    std::fs::write(&queries, text.lines().take(QUERIES + 1).collect::<Vec<_>>().join("\n")).unwrap();
+    let soak = std::env::var_os("KILN_SOAK").is_some();
+    let count = if soak { text.lines().count() - 1 } else { QUICK_QUERIES };
+    std::fs::write(&queries, text.lines().take(count + 1).collect::<Vec<_>>().join("\n")).unwrap();
     let flags = ["--samples", "1024", "--repeats", "16", "--max-depth", "5"];
     let paths = [scene(obj), queries.clone()].map(|p| p.display().to_string());
     succeed(["eval", &paths[0], &paths[1], "--out", answers.to_str().unwrap()].iter().chain(&flags));
     let (truth, ours) = (rows(&queries), rows(&answers));
-    assert_eq!((truth.len(), ours.len()), (QUERIES, QUERIES));
+    assert_eq!((truth.len(), ours.len()), (count, count));
 
     let (mut z2, mut channels) = (0.0, 0);
-    let mut surfaces: BTreeMap<&str, BTreeMap<&(String, String), (f64, f64)>> = BTreeMap::new();
+    let mut surfaces: BTreeMap<&str, BTreeMap<&(String, String), Texel>> = BTreeMap::new();
     for (t, o) in truth.iter().zip(&ours) {
         let texel = surfaces.entry(&t.surface).or_default().entry(&t.texel).or_default();
         for c in 0..3 {
-            let sigma2 = t.se[c].powi(2) + o.se[c].powi(2);
+            let sigma2 = t.se[c] * t.se[c] + o.se[c] * o.se[c];
             if t.rgb[c] == 0.0 && t.se[c] == 0.0 {
                 assert_eq!(o.rgb[c], 0.0, "{name} {} {:?}: truly black", t.surface, t.texel);
             } else if sigma2 > 0.0 {
-                z2 += (o.rgb[c] - t.rgb[c]).powi(2) / sigma2;
+                let error = o.rgb[c] - t.rgb[c];
+                z2 += error * error / sigma2;
                 channels += 1;
             }
-            texel.0 += o.rgb[c] - t.rgb[c];
-            texel.1 += t.rgb[c];
+            texel.error += o.rgb[c] - t.rgb[c];
+            texel.truth += t.rgb[c];
         }
     }
     let mean_z2 = z2 / f64::from(channels);
-    assert!((0.7..1.45).contains(&mean_z2), "{name}: mean z^2 {mean_z2}");
+    println!("{name}: mean z^2 {mean_z2:.4} over {channels} channels");
+    // Fewer queries scatter more about their mean.
+    let range = if soak { 0.8..1.25 } else { 0.7..1.45 };
+    assert!(range.contains(&mean_z2), "{name}: mean z^2 {mean_z2}");
     for (surface, texels) in surfaces {
-        let error: f64 = texels.values().map(|t| t.0).sum();
-        let total: f64 = texels.values().map(|t| t.1).sum();
-        let sigma = texels.values().map(|t| t.0 * t.0).sum::<f64>().sqrt();
+        let error: f64 = texels.values().map(|t| t.error).sum();
+        let total: f64 = texels.values().map(|t| t.truth).sum();
+        let sigma = texels.values().map(|t| t.error * t.error).sum::<f64>().sqrt();
+        println!("{name} {surface}: bias {:+.3} %, sigma {:.3} %", 100.0 * error / total, 100.0 * sigma / total);
         let within = error.abs() <= 0.005 * total || error.abs() <= 3.0 * sigma;
         assert!(within, "{name} {surface}: bias {:+.3} % at {:.1} sigma", 100.0 * error / total, error / sigma);
     }

@@ -44,7 +44,7 @@ impl Studio {
         }
         let walk = self.plan.probe.as_ref().unwrap().walks[surface];
         let (tile, cell) = (TileIndex(tile), planned.cell);
-        Segment::Tile(TileSegment { tile, surface: surface as u32, cell, grid, walk, mask, errors, rows, raw: Raw::None })
+        Segment::Tile(Box::new(TileSegment { tile, surface: surface as u32, cell, grid, walk, mask, errors, rows, raw: Raw::None }))
             .to_bytes()
             .unwrap()
     }
