@@ -19,8 +19,11 @@ impl Engine {
     pub async fn done_tiles(&self, job: JobId) -> Result<(Option<Phase>, TileRuns), EngineError> {
         let found = self.core.store.job(job).await?;
         let row = found.ok_or_else(|| EngineError::NotFound { what: "job", id: job.to_string() })?;
-        if matches!(row.state.public(), JobState::Queued | JobState::Preparing) {
-            return Ok((None, TileRuns::new()));
+        match row.state.public() {
+            JobState::Queued | JobState::Preparing => return Ok((None, TileRuns::new())),
+            // All of them; once the package stands, the chunks that could say so are gone.
+            JobState::Assembling | JobState::Done => return Ok((Some(Phase::Bake), TileRuns::all(row.tiles.0))),
+            JobState::Baking | JobState::Failed | JobState::Cancelled => {}
         }
         let phase = row.state.phase().unwrap_or(Phase::Bake);
         let chunks = self.core.store.chunks(job, phase, EVERY).await?;
