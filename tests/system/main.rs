@@ -1,5 +1,6 @@
 //! Whole-system tests: real processes over real sockets, killed for real. One binary, so that it links once.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
+#![allow(clippy::print_stdout)] // The figures that a comparison came to are part of what the soak reports.
 
 mod bad_input;
 mod bake;

@@ -19,6 +19,4 @@ pub mod sampling;
 pub mod scene;
 
 #[cfg(test)]
-mod reference_tests;
-#[cfg(test)]
 mod testing;

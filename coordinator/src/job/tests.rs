@@ -48,9 +48,13 @@ fn a_job_runs_through_its_phases_to_the_package() {
 }
 
 #[test]
-fn tiles_of_another_phase_and_more_tiles_than_are_left_are_illegal() {
+fn no_tiles_and_tiles_of_another_phase_or_beyond_what_is_left_are_illegal() {
     let baking = Job::Baking { phase: Phase::Bake, left: 2, surfaces: 1 };
-    for event in [Event::Accepted { phase: Phase::Probe, tiles: 1 }, Event::Accepted { phase: Phase::Bake, tiles: 3 }] {
+    for event in [
+        Event::Accepted { phase: Phase::Probe, tiles: 1 },
+        Event::Accepted { phase: Phase::Bake, tiles: 3 },
+        Event::Accepted { phase: Phase::Bake, tiles: 0 },
+    ] {
         assert_eq!(apply(&baking, &event), Err(Illegal { event: "a delivered tile", state: "baking" }));
     }
     assert!(apply(&Job::Assembling { left: 1 }, &Event::Published).is_err());

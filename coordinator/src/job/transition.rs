@@ -110,7 +110,7 @@ pub fn apply(job: &Job, event: &Event) -> Result<(Job, Vec<Action>), Illegal> {
             let phase = Phase::Probe;
             Ok((Job::Baking { phase, left: *tiles, surfaces: *surfaces }, vec![Action::OpenPhase { phase, tiles: *tiles }]))
         }
-        (Job::Baking { phase, left, surfaces }, Event::Accepted { phase: of, tiles }) if phase == of && tiles <= left => {
+        (Job::Baking { phase, left, surfaces }, Event::Accepted { phase: of, tiles }) if phase == of && (1..=*left).contains(tiles) => {
             Ok(delivered(*phase, left - tiles, *surfaces))
         }
         (Job::Baking { phase: Phase::Probe, left: 0, surfaces }, Event::Merged { phase: Phase::Probe, tiles }) if *tiles > 0 => {
