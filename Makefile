@@ -12,12 +12,15 @@ ROOM := tests/scenes/thesis-room
 help: ## List the commands
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "make %-10s %s\n", $$1, $$2}'
 
+# What is missing is installed where that can be done without asking, and named in one sentence where it cannot.
 tools:
 	@command -v cargo >/dev/null || { echo "Kiln needs Rust 1.95 or newer: install it from https://rustup.rs, then run this again." >&2; exit 1; }
-	@command -v cc >/dev/null || { echo "Kiln needs a C compiler for SQLite and zstd: on Debian, 'apt-get install build-essential', then run this again." >&2; exit 1; }
+	@if ! command -v cc >/dev/null || ! command -v curl >/dev/null; then \
+	  if [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then apt-get update -q && apt-get install -y -q build-essential curl; \
+	  else echo "Kiln needs a C compiler (for SQLite and zstd) and curl (for its tests): on Debian, 'sudo apt-get install build-essential curl', then run this again." >&2; exit 1; fi; fi
 
 build: tools ## Build the kiln command into target/debug
-	cargo build --bin kiln
+	cargo build --locked --bin kiln
 
 demo: build ## Bake a small room through coordinator and worker; under two minutes on two cores after the build
 	rm -rf $(DEMO)
@@ -28,10 +31,10 @@ demo: build ## Bake a small room through coordinator and worker; under two minut
 
 lint: tools
 	cargo fmt --all --check
-	cargo clippy --workspace --all-targets -- -D warnings
+	cargo clippy --locked --workspace --all-targets -- -D warnings
 
 test: lint ## Format, lints, unit tests, whole-system tests, documentation tests
-	if command -v cargo-nextest >/dev/null; then cargo nextest run --workspace --no-fail-fast; else cargo test --workspace --all-targets --no-fail-fast; fi
+	if command -v cargo-nextest >/dev/null; then cargo nextest run --workspace --no-fail-fast --locked; else cargo test --locked --workspace --lib --bins --tests --no-fail-fast; fi
 	cargo test --workspace --doc
 
 bench: tools ## Kernels and whole bakes; one JSON line per figure

@@ -12,7 +12,9 @@ use std::{path::Path, time::Duration};
 use tokio::io::AsyncWriteExt;
 
 /// How long a coordinator may be away before a command gives up on it.
-pub const PATIENCE: Duration = Duration::from_secs(60);
+const PATIENCE: Duration = Duration::from_secs(60);
+/// How long to wait before it is asked again.
+const RETRY: Duration = Duration::from_millis(300);
 
 /// A coordinator, from outside.
 #[derive(Clone)]
@@ -40,6 +42,11 @@ impl Api {
     /// A client of the coordinator at `server`.
     pub fn new(server: &str) -> Result<Self, CommandError> {
         let base = if server.contains("://") { server.to_owned() } else { format!("http://{server}") };
+        if !base.starts_with("http://") {
+            return Err(CommandError::usage(format!(
+                "server `{server}`: expected an address such as http://127.0.0.1:8080 (this version speaks http)"
+            )));
+        }
         let http = reqwest::Client::builder().connect_timeout(Duration::from_secs(10)).read_timeout(Duration::from_secs(90)).build();
         let http = http.map_err(|e| CommandError::from_error("cannot start an HTTP client", &e))?;
         Ok(Self { http, base: base.trim_end_matches('/').to_owned() })
@@ -66,7 +73,7 @@ impl Api {
             };
             form = form.part("file", part.file_name(name.as_str().to_owned()));
         }
-        // No read timeout while a large scene imports: the answer comes within 30 s or is 202.
+        // The answer comes within 30 s of the last byte, or is 202 while a large scene is still being imported.
         let mut record: SceneRecord = self.json(self.http.post(self.url("/v1/scenes")).multipart(form)).await?;
         while matches!(record.state, SceneState::Uploaded | SceneState::Importing) {
             tokio::time::sleep(Duration::from_millis(500)).await;
@@ -85,14 +92,16 @@ impl Api {
 
     /// A job as it is now; a coordinator that is away is waited for.
     pub async fn job_patiently(&self, id: JobId) -> Result<JobRecord, CommandError> {
+        self.patiently(|| self.json(self.http.get(self.url(&format!("/v1/jobs/{id}"))))).await
+    }
+
+    /// Repeats a call while the coordinator is away, up to [`PATIENCE`].
+    async fn patiently<T>(&self, call: impl AsyncFn() -> Result<T, CommandError>) -> Result<T, CommandError> {
         let start = tokio::time::Instant::now();
         loop {
-            let sent = self.http.get(self.url(&format!("/v1/jobs/{id}"))).send().await;
-            match sent {
-                Ok(response) if response.status().as_u16() < 500 => return self.read(response).await,
-                Ok(response) if start.elapsed() > PATIENCE => return self.read(response).await,
-                Err(e) if start.elapsed() > PATIENCE => return Err(self.unreachable(&e)),
-                _ => tokio::time::sleep(Duration::from_millis(300)).await,
+            match call().await {
+                Err(error) if error.is_away() && start.elapsed() < PATIENCE => tokio::time::sleep(RETRY).await,
+                other => return other,
             }
         }
     }
@@ -133,25 +142,27 @@ impl Api {
 
     /// The manifest of a finished job, as its bytes.
     pub async fn manifest(&self, id: JobId) -> Result<Vec<u8>, CommandError> {
-        let response = self.ok(self.http.get(self.url(&format!("/v1/jobs/{id}/assets")))).await?;
-        let bytes = response.bytes().await.map_err(|e| self.unreachable(&e))?;
-        Ok(bytes.to_vec())
+        self.patiently(|| async {
+            let response = self.ok(self.http.get(self.url(&format!("/v1/jobs/{id}/assets")))).await?;
+            Ok(response.bytes().await.map_err(|e| self.unreachable(&e))?.to_vec())
+        })
+        .await
     }
 
-    /// Downloads one file of a package; returns how many bytes came.
-    pub async fn asset(&self, id: JobId, path: &str, to: &Path) -> Result<u64, CommandError> {
+    /// Downloads one file of a package.
+    pub async fn asset(&self, id: JobId, path: &str, to: &Path) -> Result<(), CommandError> {
+        self.patiently(|| self.download(format!("/v1/jobs/{id}/assets/{path}"), to)).await
+    }
+
+    async fn download(&self, path: String, to: &Path) -> Result<(), CommandError> {
         let at = |e: std::io::Error| CommandError::work(format!("{}: {e}", to.display()));
-        let response = self.ok(self.http.get(self.url(&format!("/v1/jobs/{id}/assets/{path}")))).await?;
+        let response = self.ok(self.http.get(self.url(&path))).await?;
         let mut file = tokio::fs::File::create(to).await.map_err(at)?;
         let mut body = response.bytes_stream();
-        let mut length = 0;
         while let Some(piece) = body.next().await {
-            let piece = piece.map_err(|e| self.unreachable(&e))?;
-            length += piece.len() as u64;
-            file.write_all(&piece).await.map_err(at)?;
+            file.write_all(&piece.map_err(|e| self.unreachable(&e))?).await.map_err(at)?;
         }
-        file.flush().await.map_err(at)?;
-        Ok(length)
+        file.flush().await.map_err(at)
     }
 
     async fn json<T: DeserializeOwned>(&self, request: RequestBuilder) -> Result<T, CommandError> {
@@ -177,22 +188,22 @@ impl Api {
         }
         let body = response.bytes().await.unwrap_or_default();
         let Ok(problem) = serde_json::from_slice::<ProblemBody>(&body) else {
-            return Err(CommandError::work(format!("{} answered {status}; is it a Kiln coordinator?", self.base)));
+            let said = format!("{} answered {status}; is it a Kiln coordinator?", self.base);
+            return Err(if status.is_server_error() { CommandError::away(said) } else { CommandError::work(said) });
         };
+        if !problem.problems.is_empty() {
+            return Err(rejected(&problem.problems));
+        }
         let said = problem.detail.or(problem.title).unwrap_or_else(|| status.to_string());
-        Err(CommandError::work(lines(&said, &problem.problems)))
+        Err(if status.is_server_error() { CommandError::away(said) } else { CommandError::work(said) })
     }
 
     fn unreachable(&self, error: &reqwest::Error) -> CommandError {
-        CommandError::work(format!("the coordinator at {} cannot be reached: {}; is `kiln serve` running there?", self.base, chain(error)))
+        CommandError::away(format!("the coordinator at {} cannot be reached: {}; is `kiln serve` running there?", self.base, chain(error)))
     }
-}
-
-fn lines(head: &str, problems: &[Problem]) -> String {
-    problems.iter().fold(head.to_owned(), |text, p| format!("{text}\n  {p}"))
 }
 
 /// A scene that was not taken, with every reason.
 pub fn rejected(problems: &[Problem]) -> CommandError {
-    CommandError::work(lines("the scene was rejected", problems))
+    CommandError::work(problems.iter().fold("the scene was rejected".to_owned(), |text, p| format!("{text}\n  {p}")))
 }

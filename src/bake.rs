@@ -4,7 +4,7 @@ use crate::{
     api::Api,
     bake_settings::SettingsArgs,
     error::CommandError,
-    fetch,
+    fetch::{self, OutputFolder},
     host::{Host, asked_to_stop},
     output, progress, submit,
 };
@@ -13,7 +13,11 @@ use kiln_coordinator::{
     config::Config,
     records::{JobRecord, JobState},
 };
-use std::path::{Path, PathBuf};
+use kiln_proto::ids::JobId;
+use std::{
+    collections::BTreeMap,
+    path::{Path, PathBuf},
+};
 
 /// Bake scenes on this machine
 #[derive(Debug, Args)]
@@ -43,28 +47,48 @@ pub async fn run(args: &BakeArgs, json: bool) -> Result<(), CommandError> {
     for (_, target) in &targets {
         fetch::check_target(target)?;
     }
-    // Beside the output, so that it is on the disk that the user chose for results.
-    let parent = args.output.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    std::fs::create_dir_all(parent).map_err(|e| CommandError::work(format!("{}: {e}", parent.display())))?;
-    let data = tempfile::Builder::new().prefix(".kiln-bake-").tempdir_in(parent);
-    let data = data.map_err(|e| CommandError::work(format!("cannot create a working folder in {}: {e}", parent.display())))?;
+    let output = OutputFolder::create(&args.output)?;
+    let data = output.scratch(".kiln-bake-")?;
     let host = Host::start(config(args, data.path())).await?;
+    let api = Api::new(&host.url())?;
+    let mut delivered = Vec::new();
     let work = async {
-        let api = Api::new(&host.url())?;
         for ((scene, target), bundle) in targets.iter().zip(bundles) {
-            let job = submit::create(&api, &bundle, settings.clone(), 0, Default::default()).await?;
-            let done = finished(progress::follow(&api, job.id).await?)?;
-            fetch::package(&api, done.id, target).await?;
-            report(scene, target, &done, json)?;
+            let job = submit::create(&api, &bundle, settings.clone(), 0, BTreeMap::new()).await.map_err(Failure::Bake)?;
+            let done = progress::follow(&api, job.id).await.and_then(finished).map_err(Failure::Bake)?;
+            fetch::package(&api, done.id, target).await.map_err(|e| Failure::Delivery(done.id, e))?;
+            delivered.push(target.display().to_string());
+            report(scene, target, &done, json).map_err(Failure::Bake)?;
         }
         Ok(())
     };
     let outcome = tokio::select! {
         outcome = work => outcome,
-        () = asked_to_stop() => Err(CommandError::work("interrupted; nothing was written")),
+        () = asked_to_stop() => Err(Failure::Interrupted),
     };
     let stopped = host.stop().await;
-    outcome.and(stopped)
+    match outcome {
+        Ok(()) => stopped,
+        Err(Failure::Bake(error)) => Err(error),
+        Err(Failure::Interrupted) if delivered.is_empty() => Err(CommandError::work("interrupted; nothing was written")),
+        Err(Failure::Interrupted) => Err(CommandError::work(format!("interrupted; written before: {}", delivered.join(", ")))),
+        Err(Failure::Delivery(job, error)) => {
+            // Hours of work are not thrown away because the last copy failed.
+            let kept = data.keep();
+            let data = kept.display();
+            Err(CommandError::work(format!(
+                "{error}; the bake itself is safe: run `kiln serve --workers 0 --data {data}` and `kiln fetch {job} -o DIR`"
+            )))
+        }
+    }
+}
+
+/// Why a bake ended early.
+enum Failure {
+    Bake(CommandError),
+    /// The package is whole, but could not be brought to its folder.
+    Delivery(JobId, CommandError),
+    Interrupted,
 }
 
 fn config(args: &BakeArgs, data: &Path) -> Config {

@@ -14,6 +14,8 @@ pub struct CommandError {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Kind {
     Work,
+    /// The other side is away; it may be back.
+    Away,
     Usage,
 }
 
@@ -28,6 +30,16 @@ impl CommandError {
         Self { kind: Kind::Usage, message: message.into() }
     }
 
+    /// The other side cannot be reached, or is not itself, for now.
+    pub fn away(message: impl Into<String>) -> Self {
+        Self { kind: Kind::Away, message: message.into() }
+    }
+
+    /// Whether the same may succeed a little later.
+    pub fn is_away(&self) -> bool {
+        self.kind == Kind::Away
+    }
+
     /// The work failed with `error` while doing what `context` says; causes follow in the same line.
     pub fn from_error(context: impl fmt::Display, error: &dyn std::error::Error) -> Self {
         Self::work(format!("{context}: {}", chain(error)))
@@ -36,7 +48,7 @@ impl CommandError {
     /// The process's exit code.
     pub fn exit_code(&self) -> u8 {
         match self.kind {
-            Kind::Work => 1,
+            Kind::Work | Kind::Away => 1,
             Kind::Usage => 2,
         }
     }

@@ -2,12 +2,16 @@
 
 use crate::{api::Api, error::CommandError, output, watch::ServerArgs};
 use clap::Args;
-use kiln_proto::{format::manifest::Manifest, ids::JobId};
+use kiln_proto::{
+    format::manifest::{self, Manifest},
+    ids::JobId,
+};
 use sha2::{Digest, Sha256};
 use std::{
-    io::Read,
+    io::{ErrorKind, Read},
     path::{Path, PathBuf},
 };
+use tempfile::TempDir;
 
 /// Download the package of a finished job
 #[derive(Debug, Args)]
@@ -33,19 +37,53 @@ pub fn check_target(target: &Path) -> Result<(), CommandError> {
     match std::fs::read_dir(target).map(|mut entries| entries.next().is_some()) {
         Ok(true) => Err(CommandError::usage(format!("{} is not empty; choose a folder that is empty or does not exist", target.display()))),
         Ok(false) => Ok(()),
-        Err(e) if e.kind() == std::io::ErrorKind::NotFound => Ok(()),
+        Err(e) if e.kind() == ErrorKind::NotFound => Ok(()),
+        Err(e) if e.kind() == ErrorKind::NotADirectory => {
+            Err(CommandError::usage(format!("{} is, or lies below, a file; the output needs a folder", target.display())))
+        }
         Err(e) => Err(CommandError::work(format!("{}: {e}", target.display()))),
     }
 }
 
-/// Downloads into a folder beside `target` and renames it when every file is there and checked, so that `target` is whole or absent.
+/// A folder for results: created when missing, and removed again when nothing was put into it. A folder that exists is used as it is, so
+/// that it may be a mount point.
+pub struct OutputFolder<'a> {
+    path: &'a Path,
+    created: bool,
+}
+
+impl<'a> OutputFolder<'a> {
+    /// Makes sure that the folder is there.
+    pub fn create(path: &'a Path) -> Result<Self, CommandError> {
+        let created = !path.exists();
+        std::fs::create_dir_all(path).map_err(|e| CommandError::work(format!("cannot create the folder {}: {e}", path.display())))?;
+        Ok(Self { path, created })
+    }
+
+    /// A folder inside it that goes when its guard does: on the disk that the user chose for results.
+    pub fn scratch(&self, prefix: &str) -> Result<TempDir, CommandError> {
+        let made = tempfile::Builder::new().prefix(prefix).tempdir_in(self.path);
+        made.map_err(|e| CommandError::work(format!("cannot write to {}: {e}", self.path.display())))
+    }
+}
+
+impl Drop for OutputFolder<'_> {
+    fn drop(&mut self) {
+        if self.created {
+            // Fails, as it should, where there is something in it.
+            std::fs::remove_dir(self.path).ok();
+        }
+    }
+}
+
+/// Downloads into a hidden folder inside `target` and moves everything into place when every file is there and checked, the manifest
+/// last: a folder with a manifest holds a whole package.
 pub async fn package(api: &Api, id: JobId, target: &Path) -> Result<(), CommandError> {
+    let folder = OutputFolder::create(target)?;
     let text = api.manifest(id).await?;
     let manifest: Manifest = serde_json::from_slice(&text).map_err(|e| CommandError::from_error("the manifest cannot be read", &e))?;
-    let parent = target.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let staging = folder.scratch(".kiln-fetch-")?;
     let at = |path: &Path, e: &std::io::Error| CommandError::work(format!("{}: {e}", path.display()));
-    std::fs::create_dir_all(parent).map_err(|e| at(parent, &e))?;
-    let staging = tempfile::Builder::new().prefix(".kiln-fetch-").tempdir_in(parent).map_err(|e| at(parent, &e))?;
     for file in &manifest.files {
         let to = staging.path().join(safe(&file.path)?);
         if let Some(folder) = to.parent() {
@@ -58,12 +96,14 @@ pub async fn package(api: &Api, id: JobId, target: &Path) -> Result<(), CommandE
         }
     }
     api.asset(id, "report.json", &staging.path().join("report.json")).await?;
-    let manifest_path = staging.path().join("manifest.json");
-    std::fs::write(&manifest_path, &text).map_err(|e| at(&manifest_path, &e))?;
-    std::fs::remove_dir(target).or_else(|e| if e.kind() == std::io::ErrorKind::NotFound { Ok(()) } else { Err(at(target, &e)) })?;
-    // `keep` gives up the automatic removal: from here on the folder belongs to the user.
-    let kept = staging.keep();
-    std::fs::rename(&kept, target).map_err(|e| at(target, &e))
+    for entry in std::fs::read_dir(staging.path()).map_err(|e| at(staging.path(), &e))? {
+        let entry = entry.map_err(|e| at(staging.path(), &e))?;
+        let to = target.join(entry.file_name());
+        std::fs::rename(entry.path(), &to).map_err(|e| at(&to, &e))?;
+    }
+    let last = staging.path().join(manifest::PATH);
+    std::fs::write(&last, &text).map_err(|e| at(&last, &e))?;
+    std::fs::rename(&last, target.join(manifest::PATH)).map_err(|e| at(target, &e))
 }
 
 /// A path of a manifest, which came over a network, stays inside the folder.
@@ -107,7 +147,22 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         assert!(check_target(dir.path()).is_ok());
         assert!(check_target(&dir.path().join("new")).is_ok());
-        std::fs::write(dir.path().join("x"), "").unwrap();
+        let file = dir.path().join("x");
+        std::fs::write(&file, "").unwrap();
         assert!(check_target(dir.path()).unwrap_err().to_string().contains("not empty"));
+        assert!(check_target(&file).unwrap_err().to_string().contains("a file"));
+        assert!(check_target(&file.join("y")).unwrap_err().to_string().contains("a file"));
+    }
+
+    #[test]
+    fn an_output_folder_stays_only_where_something_is_in_it() {
+        let dir = tempfile::tempdir().unwrap();
+        let new = dir.path().join("new");
+        drop(OutputFolder::create(&new).unwrap());
+        assert!(!new.exists());
+        let kept = OutputFolder::create(&new).unwrap();
+        std::fs::write(new.join("x"), "").unwrap();
+        drop(kept);
+        assert!(new.join("x").exists());
     }
 }

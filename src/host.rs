@@ -2,9 +2,12 @@
 
 use crate::{children::Children, error::CommandError};
 use kiln_coordinator::{config::Config, engine::Engine, http};
-use std::{net::SocketAddr, sync::Arc};
+use std::{net::SocketAddr, sync::Arc, time::Duration};
 use tokio::{net::TcpListener, task::JoinHandle};
 use tokio_util::sync::CancellationToken;
+
+/// How often the server is looked at.
+const LOOK_EVERY: Duration = Duration::from_millis(500);
 
 /// A running coordinator.
 pub struct Host {
@@ -37,6 +40,14 @@ impl Host {
     /// Its address as a URL.
     pub fn url(&self) -> String {
         format!("http://{}", self.address)
+    }
+
+    /// Resolves when the server has ended although nobody asked it to.
+    pub async fn ended(&self) {
+        // What it ended with is reported by `stop`, which awaits the same handle.
+        while !self.server.is_finished() {
+            tokio::time::sleep(LOOK_EVERY).await;
+        }
     }
 
     /// Drains the workers, answers what is under way, and stops.

@@ -1,15 +1,12 @@
 //! Watching a job: bars on a terminal, a line now and then elsewhere, one JSON object an event for machines.
 
-use crate::{
-    api::{Api, PATIENCE},
-    error::CommandError,
-};
+use crate::{api::Api, error::CommandError, output};
 use futures_util::StreamExt;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use kiln_coordinator::records::{JobEvent, JobRecord, JobState};
 use kiln_proto::ids::JobId;
 use std::{
-    io::{IsTerminal, Write},
+    io::IsTerminal,
     time::{Duration, Instant},
 };
 
@@ -35,26 +32,23 @@ pub async fn follow(api: &Api, id: JobId) -> Result<JobRecord, CommandError> {
 /// they broke.
 pub async fn print_events(api: &Api, id: JobId) -> Result<JobRecord, CommandError> {
     let mut seq = 0;
-    let mut failing_since: Option<Instant> = None;
     loop {
-        match stream_events(api, id, &mut seq).await {
-            Ok(()) => failing_since = None,
-            Err(error) if failing_since.get_or_insert_with(Instant::now).elapsed() > PATIENCE => return Err(error),
-            Err(_) => tokio::time::sleep(REFRESH).await,
-        }
+        // Asked first: when the job has ended before the stream, the stream that follows is complete.
         let job = api.job_patiently(id).await?;
+        stream_events(api, id, &mut seq).await?;
         if job.state.is_final() {
-            stream_events(api, id, &mut seq).await.ok();
             return Ok(job);
         }
+        tokio::time::sleep(REFRESH).await;
     }
 }
 
+/// Prints what the stream says until it ends or breaks; only a stdout that cannot be written to is an error.
 async fn stream_events(api: &Api, id: JobId, seq: &mut i64) -> Result<(), CommandError> {
-    let mut body = api.events(id, *seq).await?.bytes_stream();
+    let Ok(response) = api.events(id, *seq).await else { return Ok(()) };
+    let mut body = response.bytes_stream();
     let mut buffer = Vec::new();
-    while let Some(piece) = body.next().await {
-        let piece = piece.map_err(|e| CommandError::from_error("the event stream broke", &e))?;
+    while let Some(Ok(piece)) = body.next().await {
         buffer.extend_from_slice(&piece);
         while let Some(end) = buffer.windows(2).position(|w| w == b"\n\n") {
             let event: Vec<u8> = buffer.drain(..end + 2).collect();
@@ -68,13 +62,13 @@ async fn stream_events(api: &Api, id: JobId, seq: &mut i64) -> Result<(), Comman
 }
 
 fn print_event(data: &str, seq: &mut i64) -> Result<(), CommandError> {
-    if let Ok(event) = serde_json::from_str::<JobEvent>(data) {
-        if event.seq <= *seq {
-            return Ok(());
-        }
-        *seq = event.seq;
+    let position = serde_json::from_str::<JobEvent>(data).map(|event| event.seq).ok();
+    if position.is_some_and(|p| p <= *seq) {
+        return Ok(());
     }
-    writeln!(std::io::stdout().lock(), "{data}").map_err(|e| CommandError::from_error("cannot write to stdout", &e))
+    output::line(data)?;
+    *seq = position.unwrap_or(*seq);
+    Ok(())
 }
 
 /// A bar where someone looks, lines where someone may read later.
@@ -111,7 +105,7 @@ impl Display {
             None => {
                 let due = self.last_line.is_none_or(|t| t.elapsed() >= LINE_EVERY);
                 if due || stage != self.stage {
-                    eprintln!("{stage}: {message}");
+                    eprintln!("{}", if message.is_empty() { stage.clone() } else { [stage.as_str(), &message].join(": ") });
                     self.last_line = Some(Instant::now());
                 }
             }

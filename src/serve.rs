@@ -80,7 +80,9 @@ pub async fn run(args: &ServeArgs, json: bool) -> Result<(), CommandError> {
     } else {
         eprintln!("kiln serves {} from {}; stop with Ctrl-C", host.url(), data.display());
     }
-    asked_to_stop().await;
-    eprintln!("stopping: workers finish their tile");
+    tokio::select! {
+        () = asked_to_stop() => eprintln!("stopping: workers finish their tile"),
+        () = host.ended() => eprintln!("the server ended by itself"),
+    }
     host.stop().await
 }

@@ -70,7 +70,7 @@ pub async fn jobs(args: &JobsArgs, json: bool) -> Result<(), CommandError> {
     if json {
         return output::json(&jobs);
     }
-    if jobs.is_empty() {
+    if jobs.is_empty() && args.state.is_none() && args.label.is_none() {
         eprintln!("no jobs at {}; {} workers are connected", api.base(), api.workers().await?.len());
     }
     for job in &jobs {
