@@ -5,11 +5,15 @@ use clap::Args;
 use glam::Vec3;
 use kiln_coordinator::import;
 use kiln_worker::{
-    capture::Simd,
     eval::{self, Answer, Query},
     scene::BakeScene,
+    simd::Simd,
 };
-use std::{collections::HashMap, path::PathBuf};
+use std::{
+    collections::HashMap,
+    io::Write,
+    path::{Path, PathBuf},
+};
 
 /// Outgoing radiance at given points toward given directions, with standard errors
 #[derive(Debug, Args)]
@@ -45,6 +49,8 @@ struct Table {
 
 /// Evaluates all queries.
 pub fn run(args: &EvalArgs, json: bool) -> Result<(), CommandError> {
+    // Opened before the work: a wrong folder must not cost it.
+    let sink = open(&args.out)?;
     let settings = args.settings.patch()?.resolve().map_err(|e| CommandError::usage(format!("settings: {e}")))?;
     let table = read(&args.queries)?;
     let scratch = submit::scratch()?;
@@ -63,11 +69,11 @@ pub fn run(args: &EvalArgs, json: bool) -> Result<(), CommandError> {
         .enumerate()
         .map(|(k, a)| a.map_err(|e| CommandError::from_error(format!("{}, query {}", args.queries.display(), k + 1), &e)))
         .collect::<Result<_, _>>()?;
-    write(&args.out, &table, &answers)?;
-    if json { output::json(&serde_json::json!({"queries": answers.len(), "out": args.out})) } else { Ok(()) }
+    write(sink, &args.out, &table, &answers)?;
+    if json && args.out.as_os_str() != "-" { output::json(&serde_json::json!({"queries": answers.len(), "out": args.out})) } else { Ok(()) }
 }
 
-fn read(path: &std::path::Path) -> Result<Table, CommandError> {
+fn read(path: &Path) -> Result<Table, CommandError> {
     let name = path.display();
     let mut reader = csv::Reader::from_path(path).map_err(|e| CommandError::work(format!("{name}: {e}")))?;
     let header: Vec<String> =
@@ -101,13 +107,15 @@ fn read(path: &std::path::Path) -> Result<Table, CommandError> {
     Ok(Table { header, rows, queries })
 }
 
-fn write(path: &std::path::Path, table: &Table, answers: &[Answer]) -> Result<(), CommandError> {
+fn open(path: &Path) -> Result<Box<dyn Write>, CommandError> {
+    if path.as_os_str() == "-" {
+        return Ok(Box::new(std::io::stdout().lock()));
+    }
+    Ok(Box::new(std::fs::File::create(path).map_err(|e| CommandError::work(format!("{}: {e}", path.display())))?))
+}
+
+fn write(sink: Box<dyn Write>, path: &Path, table: &Table, answers: &[Answer]) -> Result<(), CommandError> {
     let fail = |e: csv::Error| CommandError::work(format!("{}: {e}", path.display()));
-    let sink: Box<dyn std::io::Write> = if path.as_os_str() == "-" {
-        Box::new(std::io::stdout().lock())
-    } else {
-        Box::new(std::fs::File::create(path).map_err(|e| CommandError::work(format!("{}: {e}", path.display())))?)
-    };
     let mut writer = csv::Writer::from_writer(sink);
     let kept: Vec<usize> = (0..table.header.len()).filter(|k| !WRITTEN.contains(&table.header[*k].as_str())).collect();
     writer.write_record(kept.iter().map(|k| table.header[*k].as_str()).chain(WRITTEN)).map_err(fail)?;

@@ -105,7 +105,11 @@ impl Display {
             None => {
                 let due = self.last_line.is_none_or(|t| t.elapsed() >= LINE_EVERY);
                 if due || stage != self.stage {
-                    eprintln!("{}", if message.is_empty() { stage.clone() } else { [stage.as_str(), &message].join(": ") });
+                    if message.is_empty() {
+                        eprintln!("{stage}");
+                    } else {
+                        eprintln!("{stage}: {message}");
+                    }
                     self.last_line = Some(Instant::now());
                 }
             }

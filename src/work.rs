@@ -3,8 +3,8 @@
 use crate::{error::CommandError, host::asked_to_stop};
 use clap::{Args, ValueEnum};
 use kiln_worker::{
-    capture::Simd,
     config::{TileOrder, WorkerConfig},
+    simd::Simd,
 };
 use std::time::Duration;
 use tokio::io::AsyncReadExt;

@@ -229,6 +229,12 @@ mod tests {
         assert_eq!((plan.first_tile(2), plan.tile_count(Phase::Bake), plan.tile_cost(Phase::Bake, TileIndex(0))), (TileIndex(2), 5, 12));
     }
 
+    /// A change of the plan's form is a new `PLAN_VERSION`.
+    #[test]
+    fn the_bytes_of_a_plan_never_change() {
+        assert_eq!(Plan::digest_of(&plan().to_bytes().unwrap()).to_string(), "b230c42beaefd046e1807fc5bb48ccbc19c6301e214180abf136c5a8aacc7855");
+    }
+
     #[test]
     fn a_plan_survives_its_bytes() {
         let bytes = plan().to_bytes().unwrap();

@@ -65,16 +65,21 @@ impl ProbeSums {
         PhaseResults { exposure, walks: self.variation.iter().map(pick).collect(), clipped_ppm }
     }
 
-    /// The 98th percentile becomes 1.0, to 1/8 stop. Black counts: an image that is half black keeps its highlights.
+    /// The 98th percentile becomes 1.0, to 1/8 stop: the upper edge of its bin, so that nothing of that bin is clipped. Black counts: an
+    /// image that is half black keeps its highlights. Where less than 2 % is lit at all, the percentile is that of what is lit.
     fn auto_exposure(&self) -> Exposure {
         let lit: u64 = self.histogram[1..].iter().sum();
-        let total = lit + self.histogram[0];
-        let target = (u128::from(total) * 98).div_ceil(100) as u64;
+        let black = self.histogram[0];
+        let percentile = |n: u64| (u128::from(n) * 98).div_ceil(100) as u64;
+        let target = match percentile(lit + black) {
+            all if all > black => all - black,
+            _ => percentile(lit),
+        };
         let mut below = 0;
-        for (b, n) in self.histogram.iter().enumerate() {
+        for (b, n) in self.histogram.iter().enumerate().skip(1) {
             below += n;
-            if below >= target && b > 0 && below > self.histogram[0] {
-                return Exposure { eighths: (257 - b as i32) as i16 };
+            if *n > 0 && below >= target {
+                return Exposure { eighths: (256 - b as i32) as i16 };
             }
         }
         Exposure::default()
@@ -100,9 +105,20 @@ mod tests {
             sums.count(if k < 980 { 0.25 } else { 100.0 });
         }
         let results = sums.results(ExposureMode::Auto, WalkMode::Auto);
-        // 0.25 lies in the eighth that begins at 2^-2: two stops, less nothing, bring its lower edge to one.
-        assert_eq!(results.exposure, Exposure { eighths: 16 });
+        // 0.25 lies in the eighth that begins at 2^-2: two stops less an eighth bring its upper edge to one.
+        assert_eq!(results.exposure, Exposure { eighths: 15 });
+        assert_eq!(results.clipped_ppm, 20_000, "only what lies above the percentile is clipped");
         assert_eq!(sums.results(ExposureMode::Fixed(Exposure { eighths: 0 }), WalkMode::Auto).clipped_ppm, 20_000);
+    }
+
+    #[test]
+    fn a_scene_that_is_nearly_all_black_is_exposed_for_its_light() {
+        let mut sums = ProbeSums::new(1);
+        for k in 0..10_000u16 {
+            sums.count(if k < 9_900 { 0.0 } else { f32::from(k - 9_899) });
+        }
+        // A hundred lit values, 1 to 100: the 98th is 98, which lies in the eighth from 2^6.5 to 2^6.625.
+        assert_eq!(sums.results(ExposureMode::Auto, WalkMode::Auto).exposure, Exposure { eighths: -53 });
     }
 
     #[test]

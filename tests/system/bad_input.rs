@@ -170,3 +170,28 @@ fn a_full_disk_fails_the_job_and_not_the_service() {
     assert!(why.contains("disk") && why.contains("free"), "{why}");
     assert_eq!(server.get("/v1/jobs")["jobs"].as_array().unwrap().len(), 1);
 }
+
+/// Lengths inside a frame are claims, too: forty-odd bytes must not make the coordinator ask for four exabytes.
+#[test]
+fn a_frame_that_claims_the_moon_is_refused_and_the_service_lives() {
+    let dir = TempDir::new().unwrap();
+    let server = Server::start(&dir.path().join("data"), "127.0.0.1:0", &[]);
+    // Hello { bake_version: 1, name: a string of 2^62 bytes, … } as bincode writes it.
+    let plain = [&[1u8, 0xfd][..], &(1u64 << 62).to_le_bytes()].concat();
+    let payload = zstd::bulk::compress(&plain, 1).unwrap();
+    let header: [&[u8]; 6] = [
+        b"KLNF\x01\0\x01\0",
+        &(payload.len() as u32).to_le_bytes(),
+        &(plain.len() as u32).to_le_bytes(),
+        &crc32c::crc32c(&payload).to_le_bytes(),
+        &payload,
+        &[],
+    ];
+    let frame = header.concat();
+    runtime().block_on(async {
+        let http = reqwest::Client::new();
+        let answer = http.post(format!("{}/v1/worker/hello", server.url)).body(frame).send().await.unwrap();
+        assert!(answer.status().is_client_error(), "{}", answer.status());
+    });
+    assert!(!server.text("/healthz").is_empty());
+}

@@ -6,10 +6,7 @@
 mod testing;
 
 use kiln_proto::{settings::SettingsPatch, tile::TileIndex};
-use kiln_worker::{
-    capture::{Capture, simd::Simd},
-    scene::BakeScene,
-};
+use kiln_worker::{capture::Capture, scene::BakeScene, simd::Simd};
 use std::sync::Arc;
 
 /// Every so many tiles of a surface one is baked.

@@ -12,8 +12,9 @@ use kiln_proto::{
     units::Rgb,
 };
 use kiln_worker::{
-    capture::{Capture, per_direction, shared, simd::Simd},
+    capture::{Capture, per_direction, shared},
     scene::BakeScene,
+    simd::Simd,
 };
 use std::sync::Arc;
 

@@ -22,7 +22,7 @@ pub struct WorkerConfig {
     /// Threads that trace.
     pub threads: usize,
     /// Which vector instructions the kernels may use.
-    pub simd: crate::capture::Simd,
+    pub simd: crate::simd::Simd,
     /// Order of tiles within a lease.
     pub order: TileOrder,
     /// How long a worker that was told to stop may take to finish its tile and hand back the rest.

@@ -182,7 +182,7 @@ fn nearest_point(p: DVec3, [a, b, c]: [DVec3; 3]) -> [f64; 2] {
 mod tests {
     use super::*;
     use crate::{
-        capture::simd::Simd,
+        simd::Simd,
         testing::{closed_box, lambert, settings},
     };
 

@@ -17,6 +17,7 @@ pub mod path;
 pub mod run;
 pub mod sampling;
 pub mod scene;
+pub mod simd;
 
 #[cfg(test)]
 mod testing;

@@ -5,9 +5,9 @@
 use crate::{
     accel::{Accel, Hit, Ray, RayCount},
     bsdf::{Bsdf, Specular, power::Exponent, texture},
-    capture::simd::{Kernel, Simd},
     light::{Emitter, Lights},
     sampling::warp,
+    simd::{Kernel, Simd},
 };
 use glam::{DVec3, Vec3};
 use kiln_proto::{

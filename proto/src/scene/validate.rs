@@ -197,6 +197,13 @@ mod tests {
         assert!(Scene::from_bytes(&[bytes.as_slice(), &[0]].concat()).is_err(), "trailing bytes must be refused");
     }
 
+    /// A change of the canonical form changes every scene's address: then `SCENE_VERSION` goes up and this hash is written anew.
+    #[test]
+    fn the_canonical_bytes_never_change() {
+        let bytes = scene().to_bytes().unwrap();
+        assert_eq!(Scene::hash_of(&bytes).to_string(), "0db9893f4661b799a78b48de01451428408835eb562abdc75c5d1859f15e15bd");
+    }
+
     #[test]
     fn each_fault_is_found_and_named() {
         let broken = |f: fn(&mut Scene)| {

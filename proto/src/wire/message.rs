@@ -206,3 +206,45 @@ pub struct ChunkTrailer {
     pub entries: Vec<ChunkEntry>,
 }
 message!(ChunkTrailer);
+
+#[cfg(test)]
+mod tests {
+    use super::super::{decode, encode};
+    use super::*;
+    use uuid::Uuid;
+
+    fn pinned<M: Message + PartialEq + fmt::Debug>(message: &M, bytes: &[u8]) {
+        assert_eq!(encode(message, 1_000).unwrap(), bytes, "{message:?}");
+        assert_eq!(&decode::<M>(bytes, 1_000).unwrap(), message);
+    }
+
+    /// A field that moves, or changes its type, changes the protocol: then `PROTOCOL_VERSION` goes up and these arrays are written anew.
+    #[test]
+    fn the_bytes_of_every_message_never_change() {
+        let id = Uuid::from_bytes([7; 16]);
+        let uuid = |tail: &[u8]| [&[16][..], &[7; 16], tail].concat();
+        let (worker, token, job) = (WorkerId(id), Token(id), JobId(id));
+        let hello = Hello { bake_version: 1, name: "a".into(), threads: 2, features: vec!["b".into()] };
+        pinned(&hello, &[1, 1, b'a', 2, 1, 1, b'b']);
+        pinned(&Welcome { worker, heartbeat_ms: 1, chunk_bytes: 2, chunk_ms: 3 }, &uuid(&[1, 2, 3]));
+        pinned(&LeaseRequest { worker, wait_ms: 4 }, &uuid(&[4]));
+        let tiles = TileRun { start: 5, end: 6 };
+        let (scene, plan) = (SceneHash([8; 32]), Digest([9; 32]));
+        let grant = LeaseGrant { token, job, phase: Phase::Bake, tiles, scene, plan, ttl_ms: 10 };
+        pinned(&grant, &[uuid(&[]), uuid(&[1, 5, 6]), vec![8; 32], vec![9; 32], vec![10]].concat());
+        pinned(&Heartbeat { texels_done: 1, rays: 2 }, &[1, 2]);
+        pinned(&HeartbeatReply::Continue, &[0]);
+        pinned(&HeartbeatReply::Cancel, &[1]);
+        let verdicts = [Verdict::Accepted, Verdict::Duplicate, Verdict::Conflict].map(|v| (TileIndex(3), v));
+        pinned(&ChunkVerdict { tiles: verdicts.to_vec() }, &[3, 3, 0, 3, 1, 3, 2]);
+        let finish = Finish { core_seconds: 1.0, rays: 2, peak_rss_bytes: 3, failure: Some("c".into()) };
+        pinned(&finish, &[0, 0, 0, 0, 0, 0, 0xf0, 0x3f, 2, 3, 1, 1, b'c']);
+        pinned(&Refusal::Incompatible { protocol: 1, bake_version: 2 }, &[0, 1, 2]);
+        pinned(&Refusal::UnknownWorker, &[1]);
+        pinned(&Refusal::Gone { state: "d".into() }, &[2, 1, b'd']);
+        pinned(&Refusal::Invalid { reason: "e".into() }, &[3, 1, b'e']);
+        pinned(&Refusal::Busy { retry_after_ms: 6 }, &[4, 6]);
+        let entry = ChunkEntry { tile: TileIndex(1), offset: 2, length: 3, plain_length: 4, digest: Digest([5; 32]) };
+        pinned(&ChunkTrailer { entries: vec![entry] }, &[vec![1, 1, 2, 3, 4], vec![5; 32]].concat());
+    }
+}

@@ -5,7 +5,7 @@
 //! which the compiler turns into vector code of whatever width the function is compiled for. Lanes held in small fixed arrays lost: the
 //! compiler takes them apart into scalars. All sums run in a fixed order, whatever the width.
 
-use super::simd::Kernel;
+use crate::simd::Kernel;
 use crate::{bsdf::power::Exponent, sampling::warp::INV_PI};
 use glam::Vec3;
 use kiln_proto::units::Rgb;

@@ -3,8 +3,6 @@
 //! A [`Capture`] joins a traced scene with a job's plan. Texels are independent: each is a function of (scene, settings, surface, texel), so
 //! tiles run on any number of threads, and a gutter texel is computed by whoever needs it.
 
-pub mod simd;
-
 pub(crate) mod footprint;
 mod gather;
 pub(crate) mod hemisphere;
@@ -25,7 +23,6 @@ use kiln_proto::{
     units::Rgb,
 };
 use rayon::prelude::*;
-pub use simd::{Kernel, Simd};
 use std::{collections::BTreeSet, sync::Arc};
 
 /// A job ready to be captured.

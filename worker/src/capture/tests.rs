@@ -1,13 +1,13 @@
 //! Whole captures against answers known by other means.
 
 use super::*;
+use crate::simd::Simd;
 use crate::{
     eval::{Query, evaluate},
     testing::{add_quad, closed_box, empty, lambert, mirror, phong, plan, scaled, settings},
 };
 use glam::DVec3;
 use kiln_proto::{scene::Scene, wire::message::Phase};
-use simd::Simd;
 use std::f64::consts::PI;
 
 fn capture(scene: Scene, json: &str, simd: Simd) -> Capture {

@@ -14,10 +14,14 @@ use std::{
     sync::{PoisonError, RwLock},
     time::Duration,
 };
+use tokio::time::timeout;
 use tokio_util::sync::CancellationToken;
 
 /// Longer than the coordinator holds a long poll.
 const CALL_TIMEOUT: Duration = Duration::from_secs(60);
+const CONNECT_TIMEOUT: Duration = Duration::from_secs(10);
+/// The slowest link that is worth waiting for, bytes a second: a chunk may take as long as it takes there.
+const SLOWEST_LINK: u64 = 16 << 10;
 /// How long the worker asks to be held while there is no work.
 const LEASE_WAIT_MS: u64 = 20_000;
 
@@ -35,6 +39,12 @@ pub enum CallError {
         /// What went wrong.
         #[source]
         source: reqwest::Error,
+    },
+    /// Nothing came for longer than a coordinator is ever silent.
+    #[error("{url} fell silent")]
+    Silent {
+        /// The address called.
+        url: String,
     },
     /// An answer without a refusal in it.
     #[error("{url} answered {status}")]
@@ -66,7 +76,10 @@ impl CallError {
     /// Whether the same call may succeed later.
     fn is_transient(&self) -> bool {
         match self {
-            CallError::Transport { .. } | CallError::Damaged { .. } | CallError::Refused(Refusal::Busy { .. }) => true,
+            CallError::Transport { .. }
+            | CallError::Silent { .. }
+            | CallError::Damaged { .. }
+            | CallError::Refused(Refusal::Busy { .. }) => true,
             CallError::Status { status, .. } => *status >= 500 || *status == 429,
             CallError::Refused(_) | CallError::Frame(_) | CallError::Stopped => false,
         }
@@ -89,7 +102,7 @@ impl Session {
     /// A coordinator of another version, or `stop`.
     pub async fn open(base: &str, hello: Hello, stop: CancellationToken) -> Result<Self, CallError> {
         let base = base.trim_end_matches('/').to_owned();
-        let http = reqwest::Client::builder().timeout(CALL_TIMEOUT).build();
+        let http = reqwest::Client::builder().connect_timeout(CONNECT_TIMEOUT).build();
         let http = http.map_err(|source| CallError::Transport { url: base.clone(), source })?;
         let nobody = Welcome { worker: kiln_proto::ids::WorkerId(Default::default()), heartbeat_ms: 0, chunk_bytes: 0, chunk_ms: 0 };
         let session = Self { http, base, hello, welcome: RwLock::new(nobody), stop };
@@ -199,9 +212,14 @@ impl Session {
         self.retrying(|| async {
             let url = format!("{}{path}", self.base);
             let transport = |source| CallError::Transport { url: url.clone(), source };
-            let response = self.http.get(&url).send().await.map_err(transport)?;
+            let silent = |_| CallError::Silent { url: url.clone() };
+            let mut response = timeout(CALL_TIMEOUT, self.http.get(&url).send()).await.map_err(silent)?.map_err(transport)?;
             let status = response.status();
-            let body = response.bytes().await.map_err(transport)?;
+            // However large a scene is, it may come as slowly as it likes as long as it comes.
+            let mut body = Vec::new();
+            while let Some(piece) = timeout(CALL_TIMEOUT, response.chunk()).await.map_err(silent)?.map_err(transport)? {
+                body.extend_from_slice(&piece);
+            }
             if !status.is_success() {
                 return Err(refusal(&url, status.as_u16(), &body));
             }
@@ -220,6 +238,7 @@ impl Session {
         let url = format!("{}{path}", self.base);
         let transport = |source| CallError::Transport { url: url.clone(), source };
         let request = if method == "PUT" { self.http.put(&url) } else { self.http.post(&url) };
+        let request = request.timeout(CALL_TIMEOUT + Duration::from_secs(body.len() as u64 / SLOWEST_LINK));
         let response = request.header("content-type", "application/octet-stream").body(body).send().await.map_err(transport)?;
         let status = response.status().as_u16();
         let body = response.bytes().await.map_err(transport)?;

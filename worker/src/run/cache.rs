@@ -2,11 +2,13 @@
 //! always names the same scene; a larger cache would hold memory that tracing needs.
 
 use crate::{
-    capture::{Capture, Simd},
+    capture::Capture,
     client::session::{CallError, Session},
     scene::BakeScene,
+    simd::Simd,
 };
 use kiln_proto::{
+    BAKE_VERSION,
     ids::{Digest, SceneHash},
     plan::{Plan, PlanError},
     scene::{Scene, SceneError},
@@ -25,6 +27,8 @@ pub(super) enum CacheError {
     Plan(#[from] PlanError),
     #[error("the scene cannot be prepared")]
     Prepare(#[source] Box<dyn std::error::Error + Send + Sync>),
+    #[error("the plan belongs to scene {scene} and bake version {bake_version}, not to this lease")]
+    Foreign { scene: SceneHash, bake_version: u32 },
     #[error("preparing the scene was interrupted")]
     Interrupted(#[from] tokio::task::JoinError),
 }
@@ -50,8 +54,12 @@ impl Cache {
         }
         let scene = self.scene(session, grant.scene).await?;
         let plan = session.plan(grant.plan).await?;
+        let hash = grant.scene;
         let capture = tokio::task::spawn_blocking(move || -> Result<_, CacheError> {
             let plan = Arc::new(Plan::from_bytes(&plan)?);
+            if plan.scene != hash || plan.bake_version != BAKE_VERSION {
+                return Err(CacheError::Foreign { scene: plan.scene, bake_version: plan.bake_version });
+            }
             Ok(Arc::new(Capture::new(scene, plan).map_err(|e| CacheError::Prepare(Box::new(e)))?))
         })
         .await??;
