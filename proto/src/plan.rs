@@ -232,7 +232,10 @@ mod tests {
     /// A change of the plan's form is a new `PLAN_VERSION`.
     #[test]
     fn the_bytes_of_a_plan_never_change() {
-        assert_eq!(Plan::digest_of(&plan().to_bytes().unwrap()).to_string(), "b230c42beaefd046e1807fc5bb48ccbc19c6301e214180abf136c5a8aacc7855");
+        assert_eq!(
+            Plan::digest_of(&plan().to_bytes().unwrap()).to_string(),
+            "b230c42beaefd046e1807fc5bb48ccbc19c6301e214180abf136c5a8aacc7855"
+        );
     }
 
     #[test]
