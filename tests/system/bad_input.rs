@@ -90,6 +90,21 @@ fn configuration_is_checked_as_a_whole() {
     assert!(succeed(["config", "check"]).contains("ttl_ms"));
 }
 
+/// The names in a TOML document, `[tables]` included, comments and values left out.
+fn names(toml: &str) -> std::collections::BTreeSet<&str> {
+    let lines = toml.lines().map(str::trim).filter(|l| !l.is_empty() && !l.starts_with('#'));
+    lines.map(|l| l.split('=').next().unwrap().trim()).collect()
+}
+
+#[test]
+fn the_example_configuration_holds_every_setting_at_its_default() {
+    let example = Path::new(env!("CARGO_MANIFEST_DIR")).join("deploy/kiln.example.toml");
+    let defaults = succeed(["config", "check"]);
+    assert_eq!(succeed(["config", "check", "--config", example.to_str().unwrap()]), defaults);
+    // A setting that is left out would have its default, too.
+    assert_eq!(names(&std::fs::read_to_string(&example).unwrap()), names(&defaults));
+}
+
 #[test]
 fn a_port_in_use_a_bad_folder_and_a_second_coordinator_are_told_apart() {
     let dir = TempDir::new().unwrap();
