@@ -40,8 +40,8 @@ test: lint ## Format, lints, unit tests, whole-system tests, documentation tests
 bench: tools ## Kernels and whole bakes; one JSON line per figure
 	cargo bench --workspace
 
-soak: tools ## What takes longer than a test should: nominal-size bakes, long chaos
-	deploy/soak.sh
+soak: tools ## What takes longer than a test should: all reference queries, a full-size bake, its encodings, benches
+	tests/soak.sh
 
 install: tools ## Install an optimised kiln into ~/.cargo/bin
 	cargo install --path . --locked

@@ -1,6 +1,6 @@
 //! Bad input gets an error that says what, where and what to do; nothing is lost and the service keeps serving others.
 
-use crate::harness::{Server, fail, kiln, room, runtime, scene, succeed};
+use crate::harness::{Server, fail, kiln, room, runtime, succeed};
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
@@ -90,6 +90,21 @@ fn configuration_is_checked_as_a_whole() {
     assert!(succeed(["config", "check"]).contains("ttl_ms"));
 }
 
+/// The names in a TOML document, `[tables]` included, comments and values left out.
+fn names(toml: &str) -> std::collections::BTreeSet<&str> {
+    let lines = toml.lines().map(str::trim).filter(|l| !l.is_empty() && !l.starts_with('#'));
+    lines.map(|l| l.split('=').next().unwrap().trim()).collect()
+}
+
+#[test]
+fn the_example_configuration_holds_every_setting_at_its_default() {
+    let example = Path::new(env!("CARGO_MANIFEST_DIR")).join("deploy/kiln.example.toml");
+    let defaults = succeed(["config", "check"]);
+    assert_eq!(succeed(["config", "check", "--config", example.to_str().unwrap()]), defaults);
+    // A setting that is left out would have its default, too.
+    assert_eq!(names(&std::fs::read_to_string(&example).unwrap()), names(&defaults));
+}
+
 #[test]
 fn a_port_in_use_a_bad_folder_and_a_second_coordinator_are_told_apart() {
     let dir = TempDir::new().unwrap();
@@ -140,35 +155,6 @@ fn a_bad_upload_hurts_nobody_else() {
         }
     });
     server.fetch_when_done(&job, &dir.path().join("package"));
-}
-
-#[test]
-fn a_full_disk_fails_the_job_and_not_the_service() {
-    let dir = TempDir::new().unwrap();
-    let config = dir.path().join("kiln.toml");
-    // Nothing has this much room: every job is refused before it begins, with the reason.
-    std::fs::write(&config, "reserve_bytes = 1000000000000000000\n").unwrap();
-    let server = Server::start(&dir.path().join("data"), "127.0.0.1:0", &["--config", config.to_str().unwrap()]);
-    let room = scene("thesis-room/thesis.obj").display().to_string();
-    let job = serde_json::from_str::<serde_json::Value>(&succeed(["--json", "submit", "--server", &server.url, &room]));
-    let record = match job {
-        Ok(said) => {
-            let id = said["id"].as_str().unwrap().to_owned();
-            let start = std::time::Instant::now();
-            loop {
-                let record = server.get(&format!("/v1/jobs/{id}"));
-                if record["state"] == "failed" {
-                    break record;
-                }
-                assert!(start.elapsed() < crate::harness::PATIENCE, "{record}");
-                std::thread::sleep(std::time::Duration::from_millis(20));
-            }
-        }
-        Err(e) => panic!("{e}"),
-    };
-    let why = record["problem"]["message"].as_str().unwrap();
-    assert!(why.contains("disk") && why.contains("free"), "{why}");
-    assert_eq!(server.get("/v1/jobs")["jobs"].as_array().unwrap().len(), 1);
 }
 
 /// Lengths inside a frame are claims, too: forty-odd bytes must not make the coordinator ask for four exabytes.

@@ -1,6 +1,6 @@
 //! Processes are killed in the middle of their work; nothing is lost and the package is the same.
 
-use crate::harness::{Server, assert_same_package, bake_room};
+use crate::harness::{LARGE, Server, assert_same_package, bake_room};
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -53,6 +53,27 @@ fn a_coordinator_killed_mid_bake_continues_without_baking_accepted_tiles_again()
     let delivered: u64 =
         report["workers"].as_array().unwrap().iter().filter(|w| w["phase"] == "bake").map(|w| w["texels"].as_u64().unwrap()).sum();
     assert_eq!(delivered, BAKED_TEXELS, "every texel was delivered once: {report}");
+}
+
+#[test]
+fn a_coordinator_killed_while_it_assembles_assembles_the_same_package() {
+    let dir = TempDir::new().unwrap();
+    let expected = dir.path().join("undisturbed");
+    bake_room(&expected, LARGE);
+    let mut server = Server::impatient(dir.path(), "127.0.0.1:0");
+    let _worker = server.worker(&[]);
+    let job = server.submit_room(LARGE);
+    server.wait_for(&job, "assembly", |r| {
+        assert!(r["state"] != "done", "the job was too quick to be disturbed");
+        r["state"] == "assembling"
+    });
+    server.process.kill();
+    let server = Server::impatient(dir.path(), &format!("127.0.0.1:{}", server.port));
+    let after = server.get(&format!("/v1/jobs/{job}"));
+    assert_eq!(after["progress"]["tiles_done"], after["progress"]["tiles"], "assembly begins with every tile accepted");
+    let package = dir.path().join("package");
+    server.fetch_when_done(&job, &package);
+    assert_same_package(&expected, &package);
 }
 
 #[test]

@@ -23,12 +23,14 @@ pub(crate) fn room() -> PathBuf {
     scene("thesis-room/thesis.obj")
 }
 
-/// Flags that bake the room in a second or two, some thirty tiles, and whatever the test adds.
+/// Flags that bake the room in a second or two, some thirty tiles, and whatever the test adds or gives another value.
 pub(crate) fn quick(more: &[&str]) -> Vec<String> {
-    let samples: &[&str] = if more.contains(&"--samples") { &[] } else { &["--samples", "16"] };
-    let flags = ["--texel-scale", "0.2", "--directions", "6x8", "--raw", "u8"];
-    flags.iter().chain(samples).chain(more).map(|s| (*s).to_owned()).collect()
+    let flags = [["--texel-scale", "0.2"], ["--directions", "6x8"], ["--raw", "u8"], ["--samples", "16"]];
+    flags.iter().filter(|f| !more.contains(&f[0])).flatten().chain(more).map(|s| (*s).to_owned()).collect()
 }
+
+/// Flags for much to assemble and little to trace: some sixty megabytes of raw radiance, thirty-five of them in one file.
+pub(crate) const LARGE: &[&str] = &["--samples", "2", "--max-depth", "2", "--directions", "12x16", "--texel-scale", "0.25", "--raw", "f32"];
 
 /// The room's nominal sizes, as flags.
 pub(crate) fn nominal() -> Vec<String> {
@@ -38,11 +40,17 @@ pub(crate) fn nominal() -> Vec<String> {
 /// A command of the program under test.
 pub(crate) fn kiln<S: AsRef<OsStr>>(args: impl IntoIterator<Item = S>) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_kiln"));
-    command.args(args).stdin(Stdio::null());
+    command.args(args);
+    forget_settings(&mut command);
+    command
+}
+
+/// What the caller's environment says of Kiln is nothing to a test.
+fn forget_settings(command: &mut Command) {
+    command.stdin(Stdio::null());
     for name in ["KILN_SERVER", "KILN_CONFIG", "KILN_DATA", "KILN_LISTEN", "KILN_LOG", "KILN_SIMD"] {
         command.env_remove(name);
     }
-    command
 }
 
 /// Runs a command to its end.
@@ -150,7 +158,21 @@ impl Server {
     /// Starts `kiln serve` on `listen` (`127.0.0.1:0` for any free port) without workers of its own.
     pub(crate) fn start(data: &Path, listen: &str, more: &[&str]) -> Self {
         let mut command = kiln(["--json", "serve", "--listen", listen, "--workers", "0", "--data"]);
-        let mut child = command.arg(data).args(more).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        command.arg(data).args(more);
+        Self::spawn(command)
+    }
+
+    /// Starts `kiln serve` after a preamble in bash, which limits what the process may do; `exec "$@"` is added to it.
+    pub(crate) fn start_after(preamble: &str, data: &Path, more: &[&str]) -> Self {
+        let mut command = Command::new("bash");
+        command.args(["-euc", &format!("{preamble}; exec \"$@\""), "bash", env!("CARGO_BIN_EXE_kiln")]);
+        command.args(["--json", "serve", "--listen", "127.0.0.1:0", "--workers", "0", "--data"]).arg(data).args(more);
+        forget_settings(&mut command);
+        Self::spawn(command)
+    }
+
+    fn spawn(mut command: Command) -> Self {
+        let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
         let mut first = String::new();
         BufReader::new(child.stdout.take().unwrap()).read_line(&mut first).unwrap();
         let Ok(said) = serde_json::from_str::<Value>(&first) else {

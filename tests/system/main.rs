@@ -6,6 +6,7 @@ mod bad_input;
 mod bake;
 mod determinism;
 mod faults;
+mod full_disk;
 mod harness;
 mod reference;
 mod service;

@@ -2,7 +2,45 @@
 
 use crate::harness::{Server, room, runtime, succeed};
 use serde_json::Value;
+use std::process::{Command, Stdio};
 use tempfile::TempDir;
+
+/// The block of the README under "Five minutes with the service" that needs nothing but curl.
+fn readme_block() -> String {
+    let readme = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/README.md")).unwrap();
+    let (_, tour) = readme.split_once("## Five minutes with the service").expect("the README has its tour");
+    let (_, block) =
+        tour.split_once("```sh\ncd tests/scenes/thesis-room\n").expect("the tour has a block that begins in the room's folder");
+    block.split_once("\n```").unwrap().0.to_owned()
+}
+
+#[test]
+fn the_readme_s_curl_commands_work_as_they_are_printed() {
+    let curl = Command::new("curl").arg("--version").stdout(Stdio::null()).status();
+    assert!(curl.is_ok_and(|s| s.success()), "this test runs the README's commands and needs curl: apt-get install curl");
+    let dir = TempDir::new().unwrap();
+    let folder = dir.path().join("thesis-room");
+    std::fs::create_dir(&folder).unwrap();
+    for file in std::fs::read_dir(room().parent().unwrap()).unwrap() {
+        let file = file.unwrap();
+        std::fs::copy(file.path(), folder.join(file.file_name())).unwrap();
+    }
+    let server = Server::start(&dir.path().join("data"), "127.0.0.1:0", &[]);
+    let _worker = server.worker(&[]);
+    let reply = dir.path().join("bake.json");
+    let script = readme_block().replace("http://127.0.0.1:8080", &server.url).replace("/tmp/bake.json", reply.to_str().unwrap());
+    assert!(script.contains(&server.url) && script.contains(reply.to_str().unwrap()), "{script}");
+    let output = Command::new("bash").args(["-eu", "-o", "pipefail", "-c", &script]).current_dir(&folder).output().unwrap();
+    let (said, errors) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+    assert!(output.status.success(), "{errors}\n{said}");
+    assert!(said.contains("event: ") && said.contains("\"done\""), "{said}");
+    let codes = std::fs::read(folder.join("floor.mtnc")).unwrap();
+    assert_eq!(&codes[..4], b"MTNC");
+    let mut zip = zip::ZipArchive::new(std::fs::File::open(folder.join("package.zip")).unwrap()).unwrap();
+    let mut packed = Vec::new();
+    std::io::copy(&mut zip.by_name("surfaces/floor.mtnc").unwrap(), &mut packed).unwrap();
+    assert!(packed == codes, "the archive holds the same file");
+}
 
 #[test]
 fn the_tour_of_the_readme_works() {
