@@ -4,10 +4,13 @@
 //! of a file can be set by every user and binds root as well: writing beyond it fails in the middle of a file as on a full disk, while small
 //! files still find room. Where a file system may be mounted, a small one is filled to the last byte.
 
-use crate::harness::{LARGE, PATIENCE, Server, room, succeed};
+use crate::harness::{LARGE, PATIENCE, Server, assert_same_package, bake_room, room, succeed};
 use serde_json::Value;
 use std::{
-    path::Path,
+    fs::File,
+    io::{ErrorKind, Write},
+    path::{Path, PathBuf},
+    process::Command,
     time::{Duration, Instant},
 };
 use tempfile::TempDir;
@@ -53,8 +56,8 @@ fn a_file_that_finds_no_room_stops_its_job_and_no_other() {
     std::fs::write(&config, "[chunks]\nbytes = 2000000\n").unwrap();
     // 16 MiB a file: more than the database, a chunk or the small job's files, and half of the large job's largest. The signal that comes with
     // the error would kill the process; a full disk sends none.
-    let limit = "trap '' XFSZ; ulimit -f 16384";
-    let server = Server::start_after(limit, &dir.path().join("data"), &["--config", config.to_str().unwrap()]);
+    let limit = ["bash", "-euc", "trap '' XFSZ; ulimit -f 16384; exec \"$@\"", "bash"];
+    let server = Server::start_through(&limit, &dir.path().join("data"), &["--config", config.to_str().unwrap()]);
     let _worker = server.worker(&[]);
     let large = server.submit_room(LARGE);
     let why = complaint(&server, &large);
@@ -63,4 +66,51 @@ fn a_file_that_finds_no_room_stops_its_job_and_no_other() {
     let small = server.submit_room(&[]);
     bakes_to_the_end(&server, &small, &dir.path().join("package"));
     assert_ne!(server.get(&format!("/v1/jobs/{large}"))["state"], "done");
+}
+
+/// Writes zeros until nothing more fits.
+fn fill(file: &Path) {
+    let (mut file, zeros) = (File::create(file).unwrap(), [0; 4096]);
+    loop {
+        match file.write(&zeros) {
+            Ok(_) => {}
+            Err(e) if e.kind() == ErrorKind::StorageFull => return,
+            Err(e) => panic!("{e}"),
+        }
+    }
+}
+
+#[test]
+fn a_disk_that_fills_up_mid_bake_delays_the_job_and_loses_nothing() {
+    let dir = TempDir::new().unwrap();
+    let data = dir.path().join("data");
+    std::fs::create_dir(&data).unwrap();
+    let mount = format!("mount -t tmpfs -o size=64m tmpfs '{}'; exec \"$@\"", data.display());
+    let wrapper = ["unshare", "--map-root-user", "--mount", "bash", "-euc", &mount, "bash"];
+    if !Command::new(wrapper[0]).args(&wrapper[1..]).arg("true").output().is_ok_and(|o| o.status.success()) {
+        // Containers and some systems forbid it even to root.
+        println!("NOT RUN: this user may not mount a file system; a limit on file sizes is what is left to test a full disk with");
+        return;
+    }
+    let longer = ["--samples", "96"];
+    let expected = dir.path().join("undisturbed");
+    bake_room(&expected, &longer);
+    let config = dir.path().join("kiln.toml");
+    let brisk = "reserve_bytes = 1000000\n[lease]\nttl_ms = 1500\nheartbeat_ms = 300\ntarget_ms = 600\n\n[chunks]\nage_ms = 150\n";
+    std::fs::write(&config, brisk).unwrap();
+    let server = Server::start_through(&wrapper, &data, &["--config", config.to_str().unwrap()]);
+    let _worker = server.worker(&[]);
+    let job = server.submit_room(&longer);
+    server.wait_until_halfway(&job);
+    // The file system exists for that process alone, but can be reached through it.
+    let filler = PathBuf::from(format!("/proc/{}/root{}/filler", server.process.0.id(), data.display()));
+    fill(&filler);
+    let why = complaint(&server, &job);
+    assert!(why.contains("full") && why.contains(data.to_str().unwrap()), "{why}");
+    assert!(succeed(["jobs", "--server", &server.url]).contains(&job), "it still answers");
+    assert_eq!(server.get(&format!("/v1/jobs/{job}"))["state"], "baking");
+    std::fs::remove_file(&filler).unwrap();
+    let package = dir.path().join("package");
+    bakes_to_the_end(&server, &job, &package);
+    assert_same_package(&expected, &package);
 }

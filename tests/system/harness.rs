@@ -162,10 +162,10 @@ impl Server {
         Self::spawn(command)
     }
 
-    /// Starts `kiln serve` after a preamble in bash, which limits what the process may do; `exec "$@"` is added to it.
-    pub(crate) fn start_after(preamble: &str, data: &Path, more: &[&str]) -> Self {
-        let mut command = Command::new("bash");
-        command.args(["-euc", &format!("{preamble}; exec \"$@\""), "bash", env!("CARGO_BIN_EXE_kiln")]);
+    /// Starts `kiln serve` through a `wrapper`, a command that limits what it runs in its place: the process stays the same.
+    pub(crate) fn start_through(wrapper: &[&str], data: &Path, more: &[&str]) -> Self {
+        let mut command = Command::new(wrapper[0]);
+        command.args(&wrapper[1..]).arg(env!("CARGO_BIN_EXE_kiln"));
         command.args(["--json", "serve", "--listen", "127.0.0.1:0", "--workers", "0", "--data"]).arg(data).args(more);
         forget_settings(&mut command);
         Self::spawn(command)

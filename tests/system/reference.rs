@@ -58,7 +58,7 @@ fn first_of_every_surface(text: &str) -> Vec<&str> {
 fn bias_and_sigma(errors: &[f64]) -> (f64, f64) {
     let n = errors.len() as f64;
     let sum: f64 = errors.iter().sum();
-    let squared: f64 = errors.iter().map(|e| (e - sum / n).powi(2)).sum();
+    let squared: f64 = errors.iter().map(|e| (e - sum / n) * (e - sum / n)).sum();
     (sum, (n / (n - 1.0) * squared).sqrt())
 }
 
