@@ -3,7 +3,7 @@
 //! It runs the worker's encoder on the kept samples and the coordinator's assembler on the segments, one tile at a time, so the files are
 //! those that a bake with these settings and the same exposure would have made, byte for byte, and memory does not grow with the package.
 
-use crate::package::{Package, RawFiles, RawTexels, ToolError, io_fault, runs};
+use crate::package::{Package, RawFiles, RawTexels, ToolError, Trust, io_fault, runs};
 use kiln_coordinator::assemble::{SourceError, SurfaceReport, assemble_surface, write_manifest};
 use kiln_proto::{
     plan::Plan,
@@ -125,7 +125,7 @@ fn write_package(package: &Package, plan: &Plan, out: &Path) -> Result<kiln_coor
 }
 
 fn encode_surface(package: &Package, plan: &Plan, surface: usize, out: &Path) -> Result<SurfaceReport, ToolError> {
-    let (raw, raster) = (package.raw(surface)?, package.raster(surface));
+    let (raw, raster) = (package.raw(surface, Trust::Checksum)?, package.raster(surface));
     let first = plan.first_tile(surface).0;
     let mut source = |index: usize| -> Result<Vec<u8>, SourceError> {
         Ok(segment(plan, surface, TileIndex(first + index as u64), &plan.surfaces[surface].tiles[index], &raster, &raw)?)

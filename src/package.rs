@@ -1,6 +1,7 @@
 //! A package on disk, read a few texels at a time: no command that works on one holds more of it than it looks at.
 //!
-//! Reads are positioned (`pread`), so that threads share a file without a lock.
+//! Reads are positioned (`pread`), so that threads share a file without a lock. Whoever makes something new of a file has its checksum
+//! compared first ([`Trust::Checksum`]), which costs one more read of it: damaged light with fresh hashes would pass for whole for ever.
 
 #[cfg(test)]
 pub(crate) mod fixture;
@@ -139,6 +140,15 @@ pub(crate) fn io_fault(path: &Path) -> impl Fn(io::Error) -> ToolError + '_ {
     move |source| ToolError::Io { path: path.to_owned(), source }
 }
 
+/// What is known of a file's payload before it is used.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Trust {
+    /// Nothing: it is read once for its checksum when it is opened.
+    Checksum,
+    /// The whole file was compared with the hash in the manifest a moment ago.
+    Hashed,
+}
+
 /// A package that was opened.
 pub(crate) struct Package {
     /// Its folder.
@@ -195,8 +205,8 @@ impl Package {
     }
 
     /// The encoded samples of a surface.
-    pub(crate) fn coded(&self, surface: usize) -> Result<CodedFiles, ToolError> {
-        let open = |kind| self.file(surface, kind, &[8, 16, 24, 32]);
+    pub(crate) fn coded(&self, surface: usize, trust: Trust) -> Result<CodedFiles, ToolError> {
+        let open = |kind| self.file(surface, kind, &[8, 16, 24, 32], trust);
         let ((starts, mtsp), (depths, mti), (colours, mtnc), (map, mtm)) =
             (open(Kind::Mtsp)?, open(Kind::Mti)?, open(Kind::Mtnc)?, open(Kind::Mtm)?);
         let name = self.scene.surfaces[surface].name.clone();
@@ -207,17 +217,17 @@ impl Package {
     }
 
     /// The uncompressed samples of a surface.
-    pub(crate) fn raw(&self, surface: usize) -> Result<RawFiles, ToolError> {
+    pub(crate) fn raw(&self, surface: usize, trust: Trust) -> Result<RawFiles, ToolError> {
         let bits: &[u16] = match self.plan.settings.raw {
             None => return Err(ToolError::NoRaw { path: self.dir.clone() }),
             Some(RawFormat::U8) => &[8],
             Some(RawFormat::F32) => &[32],
         };
-        let (file, header) = self.file(surface, Kind::Mtex, bits)?;
+        let (file, header) = self.file(surface, Kind::Mtex, bits, trust)?;
         Ok(RawFiles { file, bits: header.bits, values: u64::from(header.depth) * 3, exposure: self.exposure_factor() })
     }
 
-    fn file(&self, surface: usize, kind: Kind, bits: &[u16]) -> Result<(Payload, Header), ToolError> {
+    fn file(&self, surface: usize, kind: Kind, bits: &[u16], trust: Trust) -> Result<(Payload, Header), ToolError> {
         let path = self.dir.join(kind.path(&self.scene.surfaces[surface].file_stem));
         let file = File::open(&path).map_err(io_fault(&path))?;
         let length = file.metadata().map_err(io_fault(&path))?.len();
@@ -228,9 +238,17 @@ impl Package {
         if (header.size, header.depth) != expected || !bits.contains(&header.bits) {
             return Err(ToolError::Damaged(format!("{}: its header is not that of the package's plan", path.display())));
         }
-        Ok((Payload { path, file }, header))
+        let payload = Payload { path, file };
+        if trust == Trust::Checksum {
+            let crc = payload.crc(header.payload_bytes())?;
+            header.check_crc(crc).map_err(|source| ToolError::Header { path: payload.path.clone(), source })?;
+        }
+        Ok((payload, header))
     }
 }
+
+/// Bytes read at once when a payload's checksum is computed.
+const BLOCK: u64 = 1 << 18;
 
 /// The part of a file behind its header.
 struct Payload {
@@ -243,6 +261,12 @@ impl Payload {
         let mut out = vec![0; bytes as usize];
         self.file.read_exact_at(&mut out, header::BYTES as u64 + at).map_err(io_fault(&self.path))?;
         Ok(out)
+    }
+
+    /// CRC32C of the whole payload.
+    fn crc(&self, bytes: u64) -> Result<u32, ToolError> {
+        let mut blocks = (0..bytes.div_ceil(BLOCK)).map(|k| (k * BLOCK, BLOCK.min(bytes - k * BLOCK)));
+        blocks.try_fold(0, |crc, (at, length)| Ok(crc32c::crc32c_append(crc, &self.read(at, length)?)))
     }
 }
 

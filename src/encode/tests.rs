@@ -79,3 +79,18 @@ fn what_cannot_be_encoded_is_refused_and_leaves_nothing_behind() {
     let (usage, text) = refusal(args(&at("u8"), &at("out")));
     assert!(!usage && text.contains("lamp.mtex") && !at("out").exists(), "{text}");
 }
+
+/// Fresh hashes over damaged light would make it whole for ever.
+#[test]
+fn damaged_raw_is_not_encoded() {
+    let dir = tempfile::tempdir().unwrap();
+    let (from, to) = (dir.path().join("from"), dir.path().join("to"));
+    for raw in [RawFormat::F32, RawFormat::U8] {
+        fixture::bake(&from, fixture::settings(Rule::default(), Some(raw)));
+        fixture::flip(&from.join("surfaces/wall.mtex"));
+        let error = encode(&args(&from, &to)).unwrap_err();
+        let text = crate::error::chain(&error);
+        assert!(!error.is_usage() && text.contains("surfaces/wall.mtex") && text.contains("checksum"), "{text}");
+        assert!(!to.exists());
+    }
+}

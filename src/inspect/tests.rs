@@ -49,11 +49,7 @@ fn one_changed_byte_is_named() {
     for name in ["surfaces/wall.mtnc", "surfaces/wall.mtex", "surfaces/lamp.mtm", "surfaces/wall.mtsp"] {
         let dir = tempfile::tempdir().unwrap();
         fixture::bake(dir.path(), fixture::settings(Rule::Bounded { eps: 2 }, Some(RawFormat::F32)));
-        let path = dir.path().join(name);
-        let mut bytes = fs::read(&path).unwrap();
-        let middle = 32 + (bytes.len() - 32) / 2;
-        bytes[middle] ^= 1;
-        fs::write(&path, bytes).unwrap();
+        fixture::flip(&dir.path().join(name));
         let (result, text) = inspect(dir.path(), true, false);
         let error = result.unwrap_err();
         assert!(!error.is_usage());

@@ -2,7 +2,7 @@
 //! coordinator's own function. Whatever differs from the manifest in the package is named by its JSON path, so a claim that is added to the
 //! manifest later is verified without a line here.
 
-use crate::package::{CodedFiles, Package, RawFiles, ToolError, io_fault, runs};
+use crate::package::{CodedFiles, Package, RawFiles, ToolError, Trust, io_fault, runs};
 use kiln_coordinator::assemble::{SurfaceReport, describe};
 use kiln_proto::{
     codec::pwl::{ErrorStats, Order, Sample, decode_row},
@@ -103,8 +103,8 @@ fn hash_file(package: &Package, claim: &FileRecord) -> Result<(FileRecord, Optio
 }
 
 fn measure(package: &Package, surface: usize) -> Result<(Measured, CodedFiles), ToolError> {
-    let coded = package.coded(surface)?;
-    let raw = package.plan.settings.raw.map(|_| package.raw(surface)).transpose()?;
+    let coded = package.coded(surface, Trust::Hashed)?;
+    let raw = package.plan.settings.raw.map(|_| package.raw(surface, Trust::Hashed)).transpose()?;
     let (raster, order) = (package.raster(surface), package.order(surface));
     let tiles = &package.plan.surfaces[surface].tiles;
     let parts = tiles.par_iter().map(|tile| measure_tile(package, surface, *tile, (&raster, &order), &coded, raw.as_ref()));
@@ -189,7 +189,7 @@ fn compare(package: &Package, reports: &[SurfaceReport], files: &[FileRecord]) -
     differ("manifest", &json(&package.manifest)?, &json(&expected)?, &mut differences);
     let kept: Vec<_> = reports.iter().map(|r| (package.scene.surfaces[r.surface].name.as_str(), r.kept_samples)).collect();
     for (name, found) in kept {
-        let coded = package.coded(package.scene.surface(name).map_or(0, |(index, _)| index))?;
+        let coded = package.coded(package.scene.surface(name).map_or(0, |(index, _)| index), Trust::Hashed)?;
         if coded.samples != found {
             differences.push(format!("surface `{name}`: {} samples are stored, {found} belong to its texels", coded.samples));
         }
