@@ -6,6 +6,7 @@
 #[cfg(test)]
 pub(crate) mod fixture;
 
+use crate::error::CommandError;
 use kiln_coordinator::assemble::AssembleError;
 use kiln_proto::{
     codec::pwl::{BadRow, Kept, Order, Sample},
@@ -114,6 +115,9 @@ pub(crate) enum ToolError {
     /// Arguments that contradict each other or the package.
     #[error("{0}")]
     Usage(String),
+    /// The folder for the output is of no use.
+    #[error(transparent)]
+    OutputFolder(#[from] CommandError),
     /// A setting out of its range.
     #[error(transparent)]
     Setting(#[from] BadSetting),
@@ -131,7 +135,11 @@ pub(crate) enum ToolError {
 impl ToolError {
     /// Whether the arguments are at fault, not the package.
     pub(crate) fn is_usage(&self) -> bool {
-        matches!(self, ToolError::Usage(_) | ToolError::Setting(_))
+        match self {
+            ToolError::Usage(_) | ToolError::Setting(_) => true,
+            ToolError::OutputFolder(error) => error.is_usage(),
+            _ => false,
+        }
     }
 }
 
@@ -310,6 +318,11 @@ impl CodedFiles {
         self.map.as_ref().map_or((0, 24), |m| (m.len() as u32, 16))
     }
 
+    /// Whether the colour map is ascending, each colour once; direct colours have no map to be wrong.
+    pub(crate) fn map_ascends(&self) -> bool {
+        self.map.as_ref().is_none_or(|map| map.windows(2).all(|w| w[0] < w[1]))
+    }
+
     /// The kept samples of each texel of a run.
     pub(crate) fn read(&self, run: Run) -> Result<Vec<Vec<Kept>>, ToolError> {
         let bytes = self.starts.read(run.first * 4, (run.count + 1) * 4)?;
@@ -350,6 +363,7 @@ pub(crate) struct RawFiles {
 }
 
 /// Uncompressed samples of some texels, three channels each.
+#[derive(PartialEq)]
 pub(crate) enum RawTexels {
     /// Coded to 8 bits.
     Coded(Vec<Sample>),
