@@ -117,7 +117,7 @@ impl SettingsArgs {
 }
 
 /// Parses a word by the names that JSON uses, so that flag and API never differ.
-fn word<T: DeserializeOwned>(text: &str) -> Result<T, String> {
+pub(crate) fn word<T: DeserializeOwned>(text: &str) -> Result<T, String> {
     serde_json::from_value(serde_json::Value::String(text.to_owned())).map_err(|e| e.to_string())
 }
 

@@ -1,6 +1,6 @@
 //! `kiln decode`: the light field as numbers, for comparison with other renderers.
 
-use crate::package::{CodedFiles, Package, RawFiles, RawTexels, Run, ToolError, io_fault};
+use crate::package::{CodedFiles, Package, RawFiles, RawTexels, Run, ToolError, Trust, io_fault};
 use kiln_proto::{
     codec::pwl::{Order, Sample, decode_row},
     texel::Texel,
@@ -87,8 +87,8 @@ enum Source {
 impl Source {
     fn open(package: &Package, surface: usize, from: Origin) -> Result<Self, ToolError> {
         Ok(match from {
-            Origin::Raw => Source::Raw(package.raw(surface)?),
-            Origin::Codec => Source::Codec(package.coded(surface)?, package.order(surface)),
+            Origin::Raw => Source::Raw(package.raw(surface, Trust::Checksum)?),
+            Origin::Codec => Source::Codec(package.coded(surface, Trust::Checksum)?, package.order(surface)),
         })
     }
 

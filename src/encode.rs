@@ -3,53 +3,46 @@
 //! It runs the worker's encoder on the kept samples and the coordinator's assembler on the segments, one tile at a time, so the files are
 //! those that a bake with these settings and the same exposure would have made, byte for byte, and memory does not grow with the package.
 
-use crate::package::{Package, RawFiles, RawTexels, ToolError, io_fault, runs};
-use kiln_coordinator::assemble::{SourceError, SurfaceReport, assemble_surface, write_manifest};
+use crate::{
+    bake_settings::{RuleArgs, word},
+    fetch::{OutputFolder, check_target},
+    package::{Package, RawFiles, RawTexels, ToolError, Trust, io_fault, runs},
+};
+use kiln_coordinator::{
+    assemble::{Published, SourceError, SurfaceReport, assemble_surface, write_manifest},
+    blob::publish,
+};
 use kiln_proto::{
+    format::manifest,
     plan::Plan,
-    settings::{Codec, RawFormat, RuleName, SettingsPatch, WalkMode},
+    settings::{Codec, RawFormat, SettingsPatch},
     texel::SurfaceRaster,
     tile::TileIndex,
 };
 use kiln_worker::encode::{encode_coded_tile, encode_tile};
-use serde::de::DeserializeOwned;
 use std::{
-    fs,
     io::Write,
     path::{Path, PathBuf},
 };
+use tempfile::TempPath;
 
-/// Another encoding of a package that kept its raw radiance.
+/// Another encoding of a package that kept its raw radiance. What is not said stays as it is in the package, defaults of a bake or not;
+/// but `--rule`, `--eps` and `--threshold` make a whole new rule together.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// The package's folder.
     pub(crate) package: PathBuf,
     /// The new package's folder, which must not exist or be empty.
-    #[arg(short, long)]
-    pub(crate) out: PathBuf,
+    #[arg(short, long, value_name = "DIR")]
+    pub(crate) output: PathBuf,
     /// The codec: pwl.
     #[arg(long, value_parser = word::<Codec>)]
     pub(crate) codec: Option<Codec>,
-    /// How samples are picked: bounded, cumulative or thesis. Without rule, eps and threshold: as in the package.
-    #[arg(long, value_parser = word::<RuleName>)]
-    pub(crate) rule: Option<RuleName>,
-    /// The largest error of the bounded rule, in levels of 1/255.
-    #[arg(long)]
-    pub(crate) eps: Option<u8>,
-    /// T of the thesis and cumulative rules.
-    #[arg(long)]
-    pub(crate) threshold: Option<u16>,
-    /// The order that directions are walked in: theta or phi (fastest), or auto: as the Probe phase chose.
-    #[arg(long, value_parser = word::<WalkMode>)]
-    pub(crate) walk: Option<WalkMode>,
+    #[command(flatten)]
+    pub(crate) rule: RuleArgs,
     /// Keep raw radiance in the new package, too: u8 or f32.
     #[arg(long, value_parser = word::<RawFormat>)]
     pub(crate) raw: Option<RawFormat>,
-}
-
-/// One of the words that settings files use.
-fn word<T: DeserializeOwned>(text: &str) -> Result<T, String> {
-    serde_json::from_value(text.into()).map_err(|e| e.to_string())
 }
 
 /// Writes the new package and prints its hash to `out`.
@@ -59,14 +52,13 @@ fn word<T: DeserializeOwned>(text: &str) -> Result<T, String> {
 pub(crate) fn run(args: &Args, json: bool, out: &mut dyn Write) -> Result<(), ToolError> {
     let package = Package::open(&args.package)?;
     let plan = new_plan(&package, args)?;
-    let existed = prepare(&args.out)?;
-    let published = write_package(&package, &plan, &args.out).inspect_err(|_| clean(&args.out, existed))?;
+    let published = write_package(&package, &plan, &args.output)?;
     if json {
-        let report = serde_json::json!({ "package": args.out, "package_hash": published.hash, "totals": published.manifest.totals });
+        let report = serde_json::json!({ "package": args.output, "package_hash": published.hash, "totals": published.manifest.totals });
         writeln!(out, "{report}")?;
     } else {
         let t = published.manifest.totals;
-        writeln!(out, "{}: {}, ratio {:.3}\npackage {}", args.out.display(), plan.settings.rule, t.ratio, published.hash)?;
+        writeln!(out, "{}: {}, ratio {:.3}\npackage {}", args.output.display(), plan.settings.rule, t.ratio, published.hash)?;
     }
     Ok(())
 }
@@ -80,11 +72,12 @@ fn new_plan(package: &Package, args: &Args) -> Result<Plan, ToolError> {
     }
     plan.settings.raw = args.raw;
     plan.settings.codec = args.codec.unwrap_or(plan.settings.codec);
-    if args.rule.is_some() || args.eps.is_some() || args.threshold.is_some() {
-        let patch = SettingsPatch { rule: args.rule, eps: args.eps, threshold: args.threshold, ..SettingsPatch::default() };
+    let RuleArgs { rule, eps, threshold, walk } = args.rule;
+    if rule.is_some() || eps.is_some() || threshold.is_some() {
+        let patch = SettingsPatch { rule, eps, threshold, ..SettingsPatch::default() };
         plan.settings.rule = patch.rule()?;
     }
-    match args.walk {
+    match walk {
         None => {}
         Some(mode) if mode == plan.settings.walk => {}
         Some(mode) => {
@@ -100,32 +93,25 @@ fn new_plan(package: &Package, args: &Args) -> Result<Plan, ToolError> {
     Ok(plan)
 }
 
-/// Makes sure that the folder is there and empty; tells whether it was there.
-fn prepare(dir: &Path) -> Result<bool, ToolError> {
-    let Ok(mut entries) = fs::read_dir(dir) else {
-        return fs::create_dir_all(dir).map(|()| false).map_err(io_fault(dir));
-    };
-    if entries.next().is_some() {
-        return Err(ToolError::Usage(format!("{} is not empty; name a folder that is, or that does not exist", dir.display())));
+/// Writes everything into a hidden folder inside `to` and moves it into place when it is whole and on the disk, the manifest last: a
+/// folder with a manifest holds a whole package, also after a power cut.
+fn write_package(package: &Package, plan: &Plan, to: &Path) -> Result<Published, ToolError> {
+    check_target(to)?;
+    let folder = OutputFolder::create(to)?;
+    let staging = folder.scratch(".kiln-encode-")?;
+    let from = staging.path();
+    let surfaces = 0..package.scene.surfaces.len();
+    let reports = surfaces.map(|s| encode_surface(package, plan, s, from)).collect::<Result<Vec<_>, _>>()?;
+    let published = write_manifest(from, &package.scene_bytes, plan, &reports)?;
+    for name in published.manifest.files.iter().map(|f| f.path.as_str()).chain([manifest::PATH]) {
+        let to = to.join(name);
+        TempPath::try_from_path(from.join(name)).and_then(|staged| publish(staged, &to)).map_err(io_fault(&to))?;
     }
-    Ok(true)
-}
-
-/// Half a package is of no use. Failing to remove it must not hide why it is only half: the results are dropped on purpose.
-fn clean(dir: &Path, existed: bool) {
-    drop(fs::remove_dir_all(dir));
-    if existed {
-        drop(fs::create_dir(dir));
-    }
-}
-
-fn write_package(package: &Package, plan: &Plan, out: &Path) -> Result<kiln_coordinator::assemble::Published, ToolError> {
-    let reports = (0..package.scene.surfaces.len()).map(|s| encode_surface(package, plan, s, out)).collect::<Result<Vec<_>, _>>()?;
-    Ok(write_manifest(out, &package.scene_bytes, plan, &reports)?)
+    Ok(published)
 }
 
 fn encode_surface(package: &Package, plan: &Plan, surface: usize, out: &Path) -> Result<SurfaceReport, ToolError> {
-    let (raw, raster) = (package.raw(surface)?, package.raster(surface));
+    let (raw, raster) = (package.raw(surface, Trust::Checksum)?, package.raster(surface));
     let first = plan.first_tile(surface).0;
     let mut source = |index: usize| -> Result<Vec<u8>, SourceError> {
         Ok(segment(plan, surface, TileIndex(first + index as u64), &plan.surfaces[surface].tiles[index], &raster, &raw)?)

@@ -45,6 +45,11 @@ impl CommandError {
         Self::work(format!("{context}: {}", chain(error)))
     }
 
+    /// Whether the command cannot be followed as it stands.
+    pub fn is_usage(&self) -> bool {
+        self.kind == Kind::Usage
+    }
+
     /// The process's exit code.
     pub fn exit_code(&self) -> u8 {
         match self.kind {

@@ -1,10 +1,12 @@
 //! A package on disk, read a few texels at a time: no command that works on one holds more of it than it looks at.
 //!
-//! Reads are positioned (`pread`), so that threads share a file without a lock.
+//! Reads are positioned (`pread`), so that threads share a file without a lock. Whoever makes something new of a file has its checksum
+//! compared first ([`Trust::Checksum`]), which costs one more read of it: damaged light with fresh hashes would pass for whole for ever.
 
 #[cfg(test)]
 pub(crate) mod fixture;
 
+use crate::error::CommandError;
 use kiln_coordinator::assemble::AssembleError;
 use kiln_proto::{
     codec::pwl::{BadRow, Kept, Order, Sample},
@@ -113,6 +115,9 @@ pub(crate) enum ToolError {
     /// Arguments that contradict each other or the package.
     #[error("{0}")]
     Usage(String),
+    /// The folder for the output is of no use.
+    #[error(transparent)]
+    OutputFolder(#[from] CommandError),
     /// A setting out of its range.
     #[error(transparent)]
     Setting(#[from] BadSetting),
@@ -130,13 +135,26 @@ pub(crate) enum ToolError {
 impl ToolError {
     /// Whether the arguments are at fault, not the package.
     pub(crate) fn is_usage(&self) -> bool {
-        matches!(self, ToolError::Usage(_) | ToolError::Setting(_))
+        match self {
+            ToolError::Usage(_) | ToolError::Setting(_) => true,
+            ToolError::OutputFolder(error) => error.is_usage(),
+            _ => false,
+        }
     }
 }
 
 /// An I/O error of `path`.
 pub(crate) fn io_fault(path: &Path) -> impl Fn(io::Error) -> ToolError + '_ {
     move |source| ToolError::Io { path: path.to_owned(), source }
+}
+
+/// What is known of a file's payload before it is used.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Trust {
+    /// Nothing: it is read once for its checksum when it is opened.
+    Checksum,
+    /// The whole file was compared with the hash in the manifest a moment ago.
+    Hashed,
 }
 
 /// A package that was opened.
@@ -195,8 +213,8 @@ impl Package {
     }
 
     /// The encoded samples of a surface.
-    pub(crate) fn coded(&self, surface: usize) -> Result<CodedFiles, ToolError> {
-        let open = |kind| self.file(surface, kind, &[8, 16, 24, 32]);
+    pub(crate) fn coded(&self, surface: usize, trust: Trust) -> Result<CodedFiles, ToolError> {
+        let open = |kind| self.file(surface, kind, &[8, 16, 24, 32], trust);
         let ((starts, mtsp), (depths, mti), (colours, mtnc), (map, mtm)) =
             (open(Kind::Mtsp)?, open(Kind::Mti)?, open(Kind::Mtnc)?, open(Kind::Mtm)?);
         let name = self.scene.surfaces[surface].name.clone();
@@ -207,17 +225,17 @@ impl Package {
     }
 
     /// The uncompressed samples of a surface.
-    pub(crate) fn raw(&self, surface: usize) -> Result<RawFiles, ToolError> {
+    pub(crate) fn raw(&self, surface: usize, trust: Trust) -> Result<RawFiles, ToolError> {
         let bits: &[u16] = match self.plan.settings.raw {
             None => return Err(ToolError::NoRaw { path: self.dir.clone() }),
             Some(RawFormat::U8) => &[8],
             Some(RawFormat::F32) => &[32],
         };
-        let (file, header) = self.file(surface, Kind::Mtex, bits)?;
+        let (file, header) = self.file(surface, Kind::Mtex, bits, trust)?;
         Ok(RawFiles { file, bits: header.bits, values: u64::from(header.depth) * 3, exposure: self.exposure_factor() })
     }
 
-    fn file(&self, surface: usize, kind: Kind, bits: &[u16]) -> Result<(Payload, Header), ToolError> {
+    fn file(&self, surface: usize, kind: Kind, bits: &[u16], trust: Trust) -> Result<(Payload, Header), ToolError> {
         let path = self.dir.join(kind.path(&self.scene.surfaces[surface].file_stem));
         let file = File::open(&path).map_err(io_fault(&path))?;
         let length = file.metadata().map_err(io_fault(&path))?.len();
@@ -228,9 +246,17 @@ impl Package {
         if (header.size, header.depth) != expected || !bits.contains(&header.bits) {
             return Err(ToolError::Damaged(format!("{}: its header is not that of the package's plan", path.display())));
         }
-        Ok((Payload { path, file }, header))
+        let payload = Payload { path, file };
+        if trust == Trust::Checksum {
+            let crc = payload.crc(header.payload_bytes())?;
+            header.check_crc(crc).map_err(|source| ToolError::Header { path: payload.path.clone(), source })?;
+        }
+        Ok((payload, header))
     }
 }
+
+/// Bytes read at once when a payload's checksum is computed.
+const BLOCK: u64 = 1 << 18;
 
 /// The part of a file behind its header.
 struct Payload {
@@ -243,6 +269,12 @@ impl Payload {
         let mut out = vec![0; bytes as usize];
         self.file.read_exact_at(&mut out, header::BYTES as u64 + at).map_err(io_fault(&self.path))?;
         Ok(out)
+    }
+
+    /// CRC32C of the whole payload.
+    fn crc(&self, bytes: u64) -> Result<u32, ToolError> {
+        let mut blocks = (0..bytes.div_ceil(BLOCK)).map(|k| (k * BLOCK, BLOCK.min(bytes - k * BLOCK)));
+        blocks.try_fold(0, |crc, (at, length)| Ok(crc32c::crc32c_append(crc, &self.read(at, length)?)))
     }
 }
 
@@ -286,6 +318,11 @@ impl CodedFiles {
         self.map.as_ref().map_or((0, 24), |m| (m.len() as u32, 16))
     }
 
+    /// Whether the colour map is ascending, each colour once; direct colours have no map to be wrong.
+    pub(crate) fn map_ascends(&self) -> bool {
+        self.map.as_ref().is_none_or(|map| map.windows(2).all(|w| w[0] < w[1]))
+    }
+
     /// The kept samples of each texel of a run.
     pub(crate) fn read(&self, run: Run) -> Result<Vec<Vec<Kept>>, ToolError> {
         let bytes = self.starts.read(run.first * 4, (run.count + 1) * 4)?;
@@ -326,6 +363,7 @@ pub(crate) struct RawFiles {
 }
 
 /// Uncompressed samples of some texels, three channels each.
+#[derive(PartialEq)]
 pub(crate) enum RawTexels {
     /// Coded to 8 bits.
     Coded(Vec<Sample>),

@@ -60,6 +60,21 @@ fn a_seed_chooses_texels_and_names_choose_surfaces() {
     assert!(decode(dir.path(), |a| a.from = Origin::Raw).unwrap_err().to_string().contains("keeps no raw radiance"));
 }
 
+#[test]
+fn damaged_files_are_not_decoded() {
+    for (extension, from) in
+        [("mtex", Origin::Raw), ("mtsp", Origin::Codec), ("mti", Origin::Codec), ("mtnc", Origin::Codec), ("mtm", Origin::Codec)]
+    {
+        let dir = tempfile::tempdir().unwrap();
+        fixture::bake(dir.path(), fixture::settings(Rule::default(), Some(RawFormat::U8)));
+        fixture::flip(&dir.path().join(format!("surfaces/wall.{extension}")));
+        // One texel that need not be the damaged one: a file is whole or it is not used.
+        let error = decode(dir.path(), |a| (a.texels, a.from) = (Some(1), from)).unwrap_err();
+        let text = crate::error::chain(&error);
+        assert!(text.contains(&format!("wall.{extension}")) && text.contains("checksum"), "{text}");
+    }
+}
+
 /// Each thing is chosen about as often as the others: 2,000 choices of 3 in 10, within five sigma.
 #[test]
 fn every_texel_is_as_likely() {

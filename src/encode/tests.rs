@@ -1,10 +1,11 @@
 use super::*;
 use crate::package::fixture;
-use kiln_proto::settings::Rule;
-use std::collections::BTreeMap;
+use kiln_proto::settings::{Rule, RuleName, WalkMode};
+use std::{collections::BTreeMap, fs};
 
 fn args(package: &Path, out: &Path) -> Args {
-    Args { package: package.into(), out: out.into(), codec: None, rule: None, eps: None, threshold: None, walk: None, raw: None }
+    let rule = RuleArgs { rule: None, eps: None, threshold: None, walk: None };
+    Args { package: package.into(), output: out.into(), codec: None, rule, raw: None }
 }
 
 fn encode(args: &Args) -> Result<(), ToolError> {
@@ -41,16 +42,18 @@ fn encoding_again_is_baking_again() {
         settings.walk = walk.unwrap_or_default();
         let (baked, encoded) = (at(&format!("baked{k}")), at(&format!("encoded{k}")));
         fixture::bake(&baked, settings);
-        let mut args = Args { raw, walk, ..args(&at(from), &encoded) };
+        let mut args = Args { raw, ..args(&at(from), &encoded) };
+        args.rule.walk = walk;
         match rule {
-            Rule::Thesis { threshold } => (args.rule, args.threshold) = (Some(RuleName::Thesis), Some(threshold)),
-            Rule::Cumulative { threshold } => (args.rule, args.threshold) = (Some(RuleName::Cumulative), Some(threshold)),
+            Rule::Thesis { threshold } => (args.rule.rule, args.rule.threshold) = (Some(RuleName::Thesis), Some(threshold)),
+            Rule::Cumulative { threshold } => (args.rule.rule, args.rule.threshold) = (Some(RuleName::Cumulative), Some(threshold)),
             Rule::Bounded { eps: 2 } => {}
-            Rule::Bounded { eps } => args.eps = Some(eps),
+            Rule::Bounded { eps } => args.rule.eps = Some(eps),
         }
         encode(&args).unwrap();
         let (baked, encoded) = (files(&baked), files(&encoded));
         assert!(baked.keys().eq(encoded.keys()));
+        assert_eq!(fs::read_dir(&at(&format!("encoded{k}"))).unwrap().count(), 3, "the staging folder is gone");
         let differing: Vec<_> = baked.iter().filter(|(name, bytes)| encoded[*name] != **bytes).map(|(name, _)| name).collect();
         assert!(differing.is_empty(), "{from} to {rule}: {differing:?}");
     }
@@ -70,7 +73,10 @@ fn what_cannot_be_encoded_is_refused_and_leaves_nothing_behind() {
     assert!(!usage && text.contains("keeps no raw radiance"), "{text}");
     let (usage, text) = refusal(Args { raw: Some(RawFormat::F32), ..args(&at("u8"), &at("out")) });
     assert!(usage && text.contains("8 bits only"), "{text}");
-    let (usage, text) = refusal(Args { rule: Some(RuleName::Thesis), eps: Some(1), ..args(&at("u8"), &at("out")) });
+    let (usage, text) = refusal(Args {
+        rule: RuleArgs { rule: Some(RuleName::Thesis), eps: Some(1), threshold: None, walk: None },
+        ..args(&at("u8"), &at("out"))
+    });
     assert!(usage && text.contains("eps"), "{text}");
     let (usage, text) = refusal(args(&at("u8"), &at("none")));
     assert!(usage && text.contains("not empty"), "{text}");
@@ -78,4 +84,19 @@ fn what_cannot_be_encoded_is_refused_and_leaves_nothing_behind() {
     fs::write(at("u8/surfaces/lamp.mtex"), "short").unwrap();
     let (usage, text) = refusal(args(&at("u8"), &at("out")));
     assert!(!usage && text.contains("lamp.mtex") && !at("out").exists(), "{text}");
+}
+
+/// Fresh hashes over damaged light would make it whole for ever.
+#[test]
+fn damaged_raw_is_not_encoded() {
+    let dir = tempfile::tempdir().unwrap();
+    let (from, to) = (dir.path().join("from"), dir.path().join("to"));
+    for raw in [RawFormat::F32, RawFormat::U8] {
+        fixture::bake(&from, fixture::settings(Rule::default(), Some(raw)));
+        fixture::flip(&from.join("surfaces/wall.mtex"));
+        let error = encode(&args(&from, &to)).unwrap_err();
+        let text = crate::error::chain(&error);
+        assert!(!error.is_usage() && text.contains("surfaces/wall.mtex") && text.contains("checksum"), "{text}");
+        assert!(!to.exists());
+    }
 }

@@ -49,11 +49,7 @@ fn one_changed_byte_is_named() {
     for name in ["surfaces/wall.mtnc", "surfaces/wall.mtex", "surfaces/lamp.mtm", "surfaces/wall.mtsp"] {
         let dir = tempfile::tempdir().unwrap();
         fixture::bake(dir.path(), fixture::settings(Rule::Bounded { eps: 2 }, Some(RawFormat::F32)));
-        let path = dir.path().join(name);
-        let mut bytes = fs::read(&path).unwrap();
-        let middle = 32 + (bytes.len() - 32) / 2;
-        bytes[middle] ^= 1;
-        fs::write(&path, bytes).unwrap();
+        fixture::flip(&dir.path().join(name));
         let (result, text) = inspect(dir.path(), true, false);
         let error = result.unwrap_err();
         assert!(!error.is_usage());
@@ -81,6 +77,86 @@ fn a_false_claim_is_named() {
         let error = inspect(dir.path(), true, false).0.unwrap_err().to_string();
         assert!(error.contains(field), "{field}: {error}");
     }
+}
+
+/// A manifest rewritten to fit what was done to the files: hashes and checksums all agree, the content does not.
+fn reseal(dir: &Path, name: &str, change: impl FnOnce(&mut [u8])) {
+    let path = dir.join(name);
+    let mut bytes = fs::read(&path).unwrap();
+    change(&mut bytes[32..]);
+    let crc = crc32c::crc32c(&bytes[32..]);
+    bytes[28..32].copy_from_slice(&crc.to_le_bytes());
+    fs::write(&path, &bytes).unwrap();
+    edit_manifest(dir, |m| {
+        let file = m.files.iter_mut().find(|f| f.path == name).unwrap();
+        file.sha256 = Sha256Hex::of(&bytes);
+    });
+}
+
+fn edit_manifest(dir: &Path, change: impl FnOnce(&mut manifest::Manifest)) {
+    let path = dir.join("manifest.json");
+    let mut manifest = manifest::Manifest::from_bytes(&fs::read(&path).unwrap()).unwrap();
+    change(&mut manifest);
+    fs::write(&path, manifest.to_bytes().unwrap()).unwrap();
+}
+
+#[test]
+fn files_and_the_list_of_files_are_held_against_each_other() {
+    let fresh = |raw| {
+        let dir = tempfile::tempdir().unwrap();
+        fixture::bake(dir.path(), fixture::settings(Rule::default(), raw));
+        dir
+    };
+    let refusal = |dir: &Path| inspect(dir, true, false).0.unwrap_err().to_string();
+    let dir = fresh(None);
+    fs::write(dir.path().join("report.json"), "{}").unwrap();
+    assert!(inspect(dir.path(), true, false).0.is_ok());
+    fs::write(dir.path().join("surfaces/extra.bin"), "x").unwrap();
+    assert!(refusal(dir.path()).contains("surfaces/extra.bin: in the folder"));
+    edit_manifest(dir.path(), |m| {
+        let extra = kiln_proto::format::FileRecord {
+            path: "surfaces/extra.bin".into(),
+            sha256: Sha256Hex::of(b"x"),
+            bytes: 1,
+            ..m.files[0].clone()
+        };
+        m.files.insert(1, extra);
+    });
+    assert!(refusal(dir.path()).contains("surfaces/extra.bin: no file"));
+    for (name, raw) in [("surfaces/wall.mtex", Some(RawFormat::U8)), ("surfaces/lamp.mti", None), ("scene.kiln", None)] {
+        let dir = fresh(raw);
+        edit_manifest(dir.path(), |m| m.files.retain(|f| f.path != name));
+        assert!(refusal(dir.path()).contains(&format!("does not list {name}")));
+    }
+}
+
+#[test]
+fn claims_are_checked_without_raw_too() {
+    let lossless = [Rule::Thesis { threshold: 0 }, Rule::Cumulative { threshold: 0 }, Rule::Bounded { eps: 0 }];
+    for (rule, max) in lossless.map(|rule| (rule, 1)).into_iter().chain([(Rule::Bounded { eps: 2 }, 3)]) {
+        let dir = tempfile::tempdir().unwrap();
+        fixture::bake(dir.path(), fixture::settings(rule, None));
+        assert!(inspect(dir.path(), true, false).0.is_ok());
+        edit_manifest(dir.path(), |m| m.surfaces[0].encoding.errors.max = max);
+        let error = inspect(dir.path(), true, false).0.unwrap_err().to_string();
+        assert!(error.contains("`wall`: a claimed error"), "{error}");
+    }
+}
+
+#[test]
+fn a_colour_map_out_of_order_and_a_gutter_of_its_own_are_named() {
+    let dir = tempfile::tempdir().unwrap();
+    fixture::bake(dir.path(), fixture::settings(Rule::default(), None));
+    reseal(dir.path(), "surfaces/lamp.mtm", |map| map.copy_within(..3, 3));
+    let error = inspect(dir.path(), true, false).0.unwrap_err().to_string();
+    assert!(error.contains("`lamp`") && error.contains(".mtm is not ascending"), "{error}");
+    fixture::bake(dir.path(), fixture::settings(Rule::default(), None));
+    // Column 35 of row 0 is the first gutter texel of the wall; its first sample takes another colour of the map.
+    let starts = fs::read(dir.path().join("surfaces/wall.mtsp")).unwrap();
+    let first = u32::from_le_bytes(*starts[32 + 4 * 35..].first_chunk().unwrap()) as usize;
+    reseal(dir.path(), "surfaces/wall.mtnc", |colours| colours[2 * first] ^= 1);
+    let error = inspect(dir.path(), true, false).0.unwrap_err().to_string();
+    assert!(error.contains("1 gutter texels, (35, 0)"), "{error}");
 }
 
 #[test]

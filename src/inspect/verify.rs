@@ -2,23 +2,21 @@
 //! coordinator's own function. Whatever differs from the manifest in the package is named by its JSON path, so a claim that is added to the
 //! manifest later is verified without a line here.
 
-use crate::package::{CodedFiles, Package, RawFiles, ToolError, io_fault, runs};
+mod files;
+
+use crate::package::{CodedFiles, Package, RawFiles, Run, ToolError, Trust, runs};
 use kiln_coordinator::assemble::{SurfaceReport, describe};
 use kiln_proto::{
-    codec::pwl::{ErrorStats, Order, Sample, decode_row},
-    format::{FileRecord, Sha256Hex, container, header},
+    codec::pwl::{ErrorStats, Kept, Order, Sample, decode_row},
+    format::{FileRecord, container},
     plan::PlannedTile,
     settings::Rule,
-    texel::SurfaceRaster,
+    texel::{Row, SurfaceRaster},
 };
 use rayon::prelude::*;
 use serde::Serialize;
 use serde_json::Value;
-use sha2::{Digest as _, Sha256};
-use std::{fs::File, io::Read};
 
-/// Bytes read at once when a file is hashed.
-const BLOCK: usize = 1 << 18;
 /// How far a mean may be off, relatively: the last digits of a number that was text in between.
 const MEAN_TOLERANCE: f64 = 1e-12;
 
@@ -42,25 +40,46 @@ struct Measured {
     covered: u64,
     kept: u64,
     errors: ErrorStats,
+    /// Gutter texels that do not hold the samples of the covered texel nearest to them.
+    strays: u64,
+    /// The first of them: column, row.
+    stray: Option<(u32, u32)>,
+}
+
+impl Measured {
+    fn add(mut self, other: Measured) -> Self {
+        self.errors.add(&other.errors);
+        Self {
+            texels: self.texels + other.texels,
+            covered: self.covered + other.covered,
+            kept: self.kept + other.kept,
+            errors: self.errors,
+            strays: self.strays + other.strays,
+            stray: self.stray.or(other.stray),
+        }
+    }
 }
 
 /// Measures the package again. Differences are found, not errors; files that cannot be read at all are errors.
 pub(super) fn verify(package: &Package) -> Result<Verification, ToolError> {
-    let found = package.manifest.files.par_iter().map(|f| hash_file(package, f)).collect::<Result<Vec<_>, _>>()?;
-    let mut differences: Vec<String> = found.iter().filter_map(|(_, fault)| fault.clone()).collect();
+    let listing = files::list_faults(package);
+    let found = package.manifest.files.par_iter().map(|f| files::hash_file(package, f)).collect::<Result<Vec<_>, _>>()?;
+    let whole = listing.is_empty();
+    let mut differences = [listing, files::unlisted(package)?].concat();
+    differences.extend(found.iter().filter_map(|(_, fault)| fault.clone()));
     let files: Vec<FileRecord> = found.into_iter().map(|(record, _)| record).collect();
     let mut verification =
         Verification { files: files.len() + 1, texels: 0, errors_measured: package.plan.settings.raw.is_some(), differences: vec![] };
     let mut reports = vec![];
-    // A damaged file says nothing worth measuring; its hash is the finding.
-    let intact = files == package.manifest.files;
+    // A damaged or missing file says nothing worth measuring; that it is so is the finding.
+    let intact = whole && files == package.manifest.files;
     for surface in 0..package.scene.surfaces.len() {
         if !intact {
             break;
         }
         let (measured, coded) = measure(package, surface)?;
         verification.texels += measured.texels;
-        differences.extend(bound_broken(package, surface, &measured));
+        differences.extend(faults(package, surface, &measured, &coded));
         reports.push(report(package, surface, &measured, &coded, &files));
     }
     if intact {
@@ -75,44 +94,13 @@ pub(super) fn verify(package: &Package) -> Result<Verification, ToolError> {
     Ok(verification)
 }
 
-/// The file as it is, and what is wrong with its checksum where it has one.
-fn hash_file(package: &Package, claim: &FileRecord) -> Result<(FileRecord, Option<String>), ToolError> {
-    let path = package.dir.join(&claim.path);
-    let mut file = File::open(&path).map_err(io_fault(&path))?;
-    let (mut hash, mut crc, mut bytes) = (Sha256::new(), 0, 0u64);
-    let mut head = [0; header::BYTES];
-    let mut block = vec![0; BLOCK];
-    loop {
-        let n = file.read(&mut block).map_err(io_fault(&path))?;
-        if n == 0 {
-            break;
-        }
-        hash.update(&block[..n]);
-        // Reads may be short, but files under two headers are damaged anyway and fail by their hash.
-        let payload = if bytes == 0 { n.min(header::BYTES) } else { 0 };
-        if bytes == 0 {
-            head[..payload].copy_from_slice(&block[..payload]);
-        }
-        crc = crc32c::crc32c_append(crc, &block[payload..n]);
-        bytes += n as u64;
-    }
-    let claimed = u32::from_le_bytes([head[28], head[29], head[30], head[31]]);
-    let fault = (claim.path.starts_with("surfaces/") && claimed != crc)
-        .then(|| format!("{}: its header's checksum is {claimed:08x}; the payload gives {crc:08x}", claim.path));
-    Ok((FileRecord { bytes, sha256: Sha256Hex(hash.finalize().into()), ..claim.clone() }, fault))
-}
-
 fn measure(package: &Package, surface: usize) -> Result<(Measured, CodedFiles), ToolError> {
-    let coded = package.coded(surface)?;
-    let raw = package.plan.settings.raw.map(|_| package.raw(surface)).transpose()?;
+    let coded = package.coded(surface, Trust::Hashed)?;
+    let raw = package.plan.settings.raw.map(|_| package.raw(surface, Trust::Hashed)).transpose()?;
     let (raster, order) = (package.raster(surface), package.order(surface));
     let tiles = &package.plan.surfaces[surface].tiles;
     let parts = tiles.par_iter().map(|tile| measure_tile(package, surface, *tile, (&raster, &order), &coded, raw.as_ref()));
-    let sum = |mut a: Measured, b: Measured| {
-        a.errors.add(&b.errors);
-        Measured { texels: a.texels + b.texels, covered: a.covered + b.covered, kept: a.kept + b.kept, errors: a.errors }
-    };
-    Ok((parts.try_reduce(Measured::default, |a, b| Ok(sum(a, b)))?, coded))
+    Ok((parts.try_reduce(Measured::default, |a, b| Ok(a.add(b)))?, coded))
 }
 
 fn measure_tile(
@@ -138,26 +126,59 @@ fn measure_tile(
             if let Some(originals) = &originals {
                 out.errors.measure(&originals[k * order.len()..(k + 1) * order.len()], &decoded);
             }
+        } else if strays(package, surface, *row, (coded, kept), raw)? {
+            out.strays += 1;
+            out.stray = out.stray.or(Some((row.x, row.y)));
         }
     }
     Ok(out)
 }
 
-fn bound_broken(package: &Package, surface: usize, measured: &Measured) -> Option<String> {
-    let name = &package.scene.surfaces[surface].name;
-    match package.manifest.surfaces[surface].rule {
-        Rule::Bounded { eps } if measured.errors.max() > eps => {
-            Some(format!("surface `{name}`: an error of {} is above eps = {eps}", measured.errors.max()))
-        }
-        _ => None,
+/// Whether a gutter texel, which keeps `kept`, differs from the covered texel that it borrows from.
+fn strays(
+    package: &Package,
+    surface: usize,
+    row: Row,
+    (coded, kept): (&CodedFiles, &[Kept]),
+    raw: Option<&RawFiles>,
+) -> Result<bool, ToolError> {
+    let width = u64::from(package.plan.surfaces[surface].size.width);
+    let run = |(x, y): (u32, u32)| Run { first: u64::from(y) * width + u64::from(x), count: 1 };
+    if coded.read(run(row.source))?.iter().any(|source| source != kept) {
+        return Ok(true);
+    }
+    raw.map_or(Ok(false), |raw| Ok(raw.read(&[run((row.x, row.y))])? != raw.read(&[run(row.source)])?))
+}
+
+/// What a surface breaks beside the manifest's numbers: the bound of its rule, the form of its colour map, its gutter.
+fn faults(package: &Package, surface: usize, measured: &Measured, coded: &CodedFiles) -> Vec<String> {
+    let claim = &package.manifest.surfaces[surface];
+    // Without raw radiance the claim is all there is; it can still contradict the rule.
+    let (found, max) = match package.plan.settings.raw {
+        Some(_) => ("an error", measured.errors.max()),
+        None => ("a claimed error", claim.encoding.errors.max),
+    };
+    let bound = bound(package.plan.settings.rule).filter(|most| max > *most);
+    let bound = bound.map(|most| format!("{found} of {max} is above {most}, the bound of {}", package.plan.settings.rule));
+    let map = (!coded.map_ascends()).then(|| ".mtm is not ascending with each colour once".to_owned());
+    let gutter = measured.stray.map(|(x, y)| {
+        format!("{} gutter texels, ({x}, {y}) the first, do not hold the samples of their nearest covered texel", measured.strays)
+    });
+    [bound, map, gutter].into_iter().flatten().map(|what| format!("surface `{}`: {what}", claim.name)).collect()
+}
+
+/// The largest error that a rule allows, where it bounds errors.
+fn bound(rule: Rule) -> Option<u8> {
+    match rule {
+        Rule::Bounded { eps } => Some(eps),
+        Rule::Thesis { threshold: 0 } | Rule::Cumulative { threshold: 0 } => Some(0),
+        Rule::Thesis { .. } | Rule::Cumulative { .. } => None,
     }
 }
 
 /// The report that an assembly of these files would have given.
 fn report(package: &Package, surface: usize, measured: &Measured, coded: &CodedFiles, files: &[FileRecord]) -> SurfaceReport {
-    let prefix = format!("surfaces/{}.", package.scene.surfaces[surface].file_stem);
-    // Stems may hold dots: what follows the prefix must be an extension.
-    let own = |f: &&FileRecord| f.path.strip_prefix(&prefix).is_some_and(|rest| !rest.contains('.'));
+    let own: Vec<String> = files::required(package, &package.scene.surfaces[surface]).collect();
     let (colours, colour_bits) = coded.colour_map();
     let samples = package.plan.surfaces[surface].covered * u64::from(package.plan.settings.directions.len());
     // Without raw radiance there is nothing to compare with; `compare` then takes the manifest's word.
@@ -170,7 +191,7 @@ fn report(package: &Package, surface: usize, measured: &Measured, coded: &CodedF
         colour_bits,
         errors: errors.into_iter().filter(|(_, n)| *n > 0).collect(),
         error_sum: measured.errors.sum(),
-        files: files.iter().filter(own).cloned().collect(),
+        files: files.iter().filter(|f| own.contains(&f.path)).cloned().collect(),
     }
 }
 
@@ -189,7 +210,7 @@ fn compare(package: &Package, reports: &[SurfaceReport], files: &[FileRecord]) -
     differ("manifest", &json(&package.manifest)?, &json(&expected)?, &mut differences);
     let kept: Vec<_> = reports.iter().map(|r| (package.scene.surfaces[r.surface].name.as_str(), r.kept_samples)).collect();
     for (name, found) in kept {
-        let coded = package.coded(package.scene.surface(name).map_or(0, |(index, _)| index))?;
+        let coded = package.coded(package.scene.surface(name).map_or(0, |(index, _)| index), Trust::Hashed)?;
         if coded.samples != found {
             differences.push(format!("surface `{name}`: {} samples are stored, {found} belong to its texels", coded.samples));
         }

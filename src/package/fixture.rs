@@ -22,6 +22,14 @@ pub(crate) fn settings(rule: Rule, raw: Option<RawFormat>) -> kiln_proto::settin
     kiln_proto::settings::BakeSettings { rule, ..patch.resolve().unwrap() }
 }
 
+/// Flips one bit in the middle of a file's payload.
+pub(crate) fn flip(path: &Path) {
+    let mut bytes = std::fs::read(path).unwrap();
+    let middle = 32 + (bytes.len() - 32) / 2;
+    bytes[middle] ^= 1;
+    std::fs::write(path, bytes).unwrap();
+}
+
 /// The radiance of a texel toward one direction: a gloss that no rule keeps without loss.
 pub(crate) fn radiance(texel: &Texel, toward: glam::Vec3) -> [f32; 3] {
     let cosine = toward.dot(glam::Vec3::new(0.6, 0.64, 0.48)).max(0.0);
