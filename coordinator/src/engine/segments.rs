@@ -7,7 +7,7 @@ use super::{
     EngineError,
     core::Core,
     inspect::{parse_trailer, unpack},
-    ports::Segments,
+    ports::{PipelineError, Segments},
 };
 use crate::{
     blob::{BlobName, Blobs},
@@ -52,11 +52,11 @@ impl StoredSegments {
 }
 
 impl Segments for StoredSegments {
-    fn segment(&self, tile: TileIndex) -> Result<Vec<u8>, Problem> {
+    fn segment(&self, tile: TileIndex) -> Result<Vec<u8>, PipelineError> {
         let lost = |reason: String| Problem { message: format!("the segment of tile {tile} is lost: {reason}"), file: None, line: None };
         let (blob, entry) = self.index.get(&tile).ok_or_else(|| lost("no chunk holds it".into()))?;
         let range = entry.offset..entry.offset + entry.length;
         let packed = self.runtime.block_on(self.blobs.load(*blob, Some(range), limits::CHUNK_BYTES));
-        unpack(&packed.map_err(|e| lost(e.to_string()))?, entry).map_err(lost)
+        Ok(unpack(&packed?, entry).map_err(lost)?)
     }
 }

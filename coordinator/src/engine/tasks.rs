@@ -3,12 +3,12 @@
 use super::{
     EngineError,
     core::{Core, blocking},
-    ports::Segments,
+    ports::{PipelineError, Segments},
     segments::StoredSegments,
     space,
 };
 use crate::{
-    blob::BlobName,
+    blob::{BlobError, BlobName},
     records::Problem,
     store::{JobRow, PlanRef, TaskResult},
 };
@@ -77,7 +77,7 @@ pub(super) async fn import(core: &Arc<Core>, id: Uuid) -> Result<TaskResult, Eng
 
 /// Copies a blob into a local file.
 async fn copy(core: &Core, blob: BlobName, to: &Path) -> Result<(), EngineError> {
-    let failed = |source| EngineError::Blob(crate::blob::BlobError::write("a scratch file", source));
+    let failed = |source| EngineError::Blob(BlobError::write("a scratch file", source));
     let mut file = tokio::fs::File::create(to).await.map_err(failed)?;
     let (_, mut stream) = core.blobs.read(blob, None).await?;
     while let Some(part) = stream.next().await {
@@ -119,16 +119,25 @@ pub(super) async fn merge(core: &Arc<Core>, id: JobId, phase: Phase) -> Result<T
             sums.add(&pipeline.probe(&segments.segment(tile)?, &plan, tile)?);
         }
         let probe = sums.results(plan.settings.exposure, plan.settings.walk);
-        Ok::<Plan, Problem>(Plan { probe: Some(probe), ..(*plan).clone() })
+        Ok::<Plan, PipelineError>(Plan { probe: Some(probe), ..(*plan).clone() })
     });
     let plan = match merged.await? {
         Ok(plan) => plan,
-        Err(problem) => return Ok(TaskResult::Failed(problem)),
+        Err(error) => return failed(error),
     };
     let tiles = plan.tile_count(Phase::Bake);
     let cost = plan.surfaces.iter().flat_map(|s| &s.tiles).map(|t| u64::from(t.covered) + u64::from(t.gutter)).sum();
     let plan = core.put_plan(plan).await?;
     Ok(TaskResult::Merged { phase, plan, tiles, cost })
+}
+
+/// What becomes of a task whose pipeline failed: content that cannot be used fails the job, storage that failed does not.
+pub(super) fn failed(error: PipelineError) -> Result<TaskResult, EngineError> {
+    match error {
+        PipelineError::Invalid(problem) => Ok(TaskResult::Failed(problem)),
+        PipelineError::Blob(error) => Err(EngineError::Blob(error)),
+        PipelineError::Io { path, source } => Err(EngineError::Blob(BlobError::write(path.display().to_string(), source))),
+    }
 }
 
 /// Every file below a folder, with its path relative to it, `/` between parts, in order.

@@ -65,7 +65,7 @@ fn statistics() -> SceneStatistics {
 /// Takes the next task, which must be this one, and ends it.
 async fn perform(store: &dyn Store, expected: Task, result: &TaskResult) {
     let token = Token::random();
-    let lease = store.take_task(token, NOW + 1_000_000).await.unwrap().expect("a task");
+    let lease = store.take_task(token, NOW + 1_000_000, NOW).await.unwrap().expect("a task");
     assert_eq!(lease.task, expected);
     assert!(store.finish_task(token, result, NOW).await.unwrap());
 }

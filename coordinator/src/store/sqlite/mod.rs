@@ -160,9 +160,9 @@ impl Store for SqliteStore {
         blob.map(|text| rows::parse("a blob name", &text)).transpose()
     }
 
-    async fn take_task(&self, token: Token, deadline: UnixMillis) -> Result<Option<TaskLease>, StoreError> {
+    async fn take_task(&self, token: Token, deadline: UnixMillis, now: UnixMillis) -> Result<Option<TaskLease>, StoreError> {
         let mut tx = self.write().await?;
-        let task = tasks::take(&mut tx, token, deadline).await?;
+        let task = tasks::take(&mut tx, token, deadline, now).await?;
         tx.commit().await?;
         Ok(task)
     }
@@ -177,6 +177,13 @@ impl Store for SqliteStore {
     async fn finish_task(&self, token: Token, result: &TaskResult, now: UnixMillis) -> Result<bool, StoreError> {
         let mut tx = self.write().await?;
         let held = tasks::finish(&mut tx, token, result, now).await?;
+        tx.commit().await?;
+        Ok(held)
+    }
+
+    async fn put_off_task(&self, token: Token, why: &str, due: UnixMillis) -> Result<bool, StoreError> {
+        let mut tx = self.write().await?;
+        let held = tasks::put_off(&mut tx, token, why, due).await?;
         tx.commit().await?;
         Ok(held)
     }
