@@ -45,6 +45,10 @@ async fn see_through(core: &Arc<Core>, lease: TaskLease) {
         return;
     };
     let result = match outcome {
+        Ok(TaskResult::Lost(phase, blob)) => {
+            tracing::warn!(task = ?lease.task, %phase, %blob, "a blob is gone; its tiles are baked again");
+            TaskResult::Lost(phase, blob)
+        }
         Ok(result) => result,
         // Nothing is wrong with the work: it waits, and everything that was accepted stays.
         Err(error) if error.is_storage() => return put_off(core, &lease, &error).await,

@@ -111,7 +111,10 @@ pub(super) async fn merge(core: &Arc<Core>, id: JobId, phase: Phase) -> Result<T
     let row = job(core, id).await?;
     let (_, plan) = plan(core, &row).await?;
     let tiles = plan.tile_count(phase);
-    let segments = StoredSegments::open(core, id, phase, TileRun { start: 0, end: tiles }).await?;
+    let segments = match StoredSegments::open(core, id, phase, TileRun { start: 0, end: tiles }).await? {
+        Ok(segments) => segments,
+        Err(gone) => return Ok(TaskResult::Lost(phase, gone)),
+    };
     let pipeline = Arc::clone(&core.pipeline);
     let merged = blocking(move || {
         let mut sums = ProbeSums::new(plan.surfaces.len());
@@ -123,7 +126,7 @@ pub(super) async fn merge(core: &Arc<Core>, id: JobId, phase: Phase) -> Result<T
     });
     let plan = match merged.await? {
         Ok(plan) => plan,
-        Err(error) => return failed(error),
+        Err(error) => return failed(error, phase),
     };
     let tiles = plan.tile_count(Phase::Bake);
     let cost = plan.surfaces.iter().flat_map(|s| &s.tiles).map(|t| u64::from(t.covered) + u64::from(t.gutter)).sum();
@@ -131,10 +134,12 @@ pub(super) async fn merge(core: &Arc<Core>, id: JobId, phase: Phase) -> Result<T
     Ok(TaskResult::Merged { phase, plan, tiles, cost })
 }
 
-/// What becomes of a task whose pipeline failed: content that cannot be used fails the job, storage that failed does not.
-pub(super) fn failed(error: PipelineError) -> Result<TaskResult, EngineError> {
+/// What becomes of a task whose pipeline failed over the segments of a phase: content that cannot be used fails the job; storage that failed
+/// does not, and segments that are gone are baked again.
+pub(super) fn failed(error: PipelineError, phase: Phase) -> Result<TaskResult, EngineError> {
     match error {
         PipelineError::Invalid(problem) => Ok(TaskResult::Failed(problem)),
+        PipelineError::Blob(BlobError::Missing(blob)) => Ok(TaskResult::Lost(phase, blob)),
         PipelineError::Blob(error) => Err(EngineError::Blob(error)),
         PipelineError::Io { path, source } => Err(EngineError::Blob(BlobError::write(path.display().to_string(), source))),
     }

@@ -119,6 +119,10 @@ pub trait Store: Send + Sync + 'static {
         now: UnixMillis,
     ) -> Result<ChunkOutcome, StoreError>;
 
+    /// Takes back what a chunk of a phase brought, because its blob is gone: its rows go, its accepted tiles wait for a worker again, and the
+    /// job bakes them before anything that needs them is done. Whether the job still needs them; if not, nothing changes.
+    async fn lose_chunk(&self, job: JobId, phase: Phase, blob: BlobName, now: UnixMillis) -> Result<bool, StoreError>;
+
     /// Ends an attempt by [`lease::Event::Complete`], `Release` or `Fence`. What it owes and nobody delivered goes back to work.
     async fn finish_attempt(
         &self,

@@ -200,6 +200,8 @@ pub enum TaskResult {
     Published(Vec<StoredPackageFile>),
     /// It cannot be done: the job fails.
     Failed(Problem),
+    /// It cannot be done yet: the bytes of a chunk of this phase are gone (see [`Store::lose_chunk`](super::Store::lose_chunk)).
+    Lost(Phase, BlobName),
 }
 
 /// Tiles that wait for a worker.

@@ -4,6 +4,7 @@ mod chunks;
 mod crash;
 mod faults;
 mod flow;
+mod lost;
 mod real;
 
 use super::{

@@ -79,6 +79,9 @@ pub(super) async fn a_task_belongs_to_its_token(store: &dyn Store) {
     assert_eq!(store.scene(id).await.unwrap().unwrap().record.state, SceneState::Importing);
     assert_eq!(store.take_over_tasks(NOW).await.unwrap(), 1, "whoever knows itself alone need not wait for deadlines");
     assert!(store.take_task(old, NOW + 50, NOW).await.unwrap().is_some());
+    assert!(store.put_off_task(old, "no room", NOW + 70).await.unwrap() && !store.put_off_task(old, "no room", NOW).await.unwrap());
+    assert_eq!(store.take_task(new, NOW + 90, NOW + 69).await.unwrap(), None, "it is not due");
+    assert_eq!(store.take_task(new, NOW + 90, NOW + 70).await.unwrap().unwrap().put_off, 1);
 }
 
 pub(super) async fn a_task_that_never_ends_fails_its_job(store: &dyn Store) {

@@ -93,6 +93,7 @@ async fn perform(c: &mut SqliteConnection, id: JobId, action: &Action, now: Unix
                 .await?;
             shards::open(c, id, *phase, *tiles).await
         }
+        Action::Recall => tasks::drop_all(c, id).await,
         Action::Withdraw => {
             attempts::fence_all(c, id, now).await?;
             tasks::drop_all(c, id).await

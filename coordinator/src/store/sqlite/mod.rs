@@ -7,6 +7,7 @@ mod attempts;
 mod chunks;
 mod events;
 mod jobs;
+mod lost;
 mod open;
 mod packages;
 mod rows;
@@ -249,6 +250,15 @@ impl Store for SqliteStore {
         let outcome = chunks::record(&mut tx, chunk, known, now).await?;
         tx.commit().await?;
         Ok(outcome)
+    }
+
+    async fn lose_chunk(&self, job: JobId, phase: Phase, blob: BlobName, now: UnixMillis) -> Result<bool, StoreError> {
+        let mut tx = self.write().await?;
+        let needed = lost::lose(&mut tx, job, phase, blob, now).await?;
+        if needed {
+            tx.commit().await?;
+        }
+        Ok(needed)
     }
 
     async fn finish_attempt(

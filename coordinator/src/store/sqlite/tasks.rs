@@ -1,7 +1,7 @@
 //! Coordinator work, leased with tokens. A task that waits has no token; a task that is over has no row.
 
 use super::{
-    jobs, packages,
+    jobs, lost, packages,
     rows::{from_json, json},
     scenes,
 };
@@ -130,6 +130,9 @@ async fn settle(c: &mut SqliteConnection, task: Task, result: &TaskResult, now: 
             job::Event::Published
         }
         TaskResult::Failed(problem) => job::Event::Fail(problem.clone()),
+        // A job whose loss was noticed by another task first has recalled this one, which then never comes here.
+        TaskResult::Lost(phase, blob) if lost::lose(c, id, *phase, *blob, now).await? => return Ok(()),
+        TaskResult::Lost(_, blob) => job::Event::Fail(Problem { message: format!("the blob {blob} is gone"), file: None, line: None }),
         TaskResult::Imported { .. } | TaskResult::Rejected(_) => return Ok(()),
     };
     match jobs::happen(c, id, &event, now).await? {
