@@ -69,10 +69,13 @@ impl BlobError {
     #[must_use]
     pub fn write(what: impl Into<String>, source: std::io::Error) -> Self {
         let what = what.into();
-        match source.kind() {
-            std::io::ErrorKind::StorageFull | std::io::ErrorKind::QuotaExceeded => BlobError::Full(what),
-            _ => BlobError::Write { what, source },
-        }
+        if Self::no_room(&source) { BlobError::Full(what) } else { BlobError::Write { what, source } }
+    }
+
+    /// Whether a file could not be written because the disk, or this user's part of it, is full.
+    #[must_use]
+    pub fn no_room(source: &std::io::Error) -> bool {
+        matches!(source.kind(), std::io::ErrorKind::StorageFull | std::io::ErrorKind::QuotaExceeded)
     }
 }
 

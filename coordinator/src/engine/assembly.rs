@@ -9,7 +9,7 @@ use super::{
     core::{Core, blocking},
     report,
     segments::StoredSegments,
-    tasks::{files_below, job, plan, scene_of, scratch},
+    tasks::{failed, files_below, job, plan, scene_of, scratch},
 };
 use crate::{
     blob::{BlobError, BlobName},
@@ -41,12 +41,15 @@ pub(super) async fn assemble(core: &Arc<Core>, id: JobId, surface: u32) -> Resul
     let layout = plan.surfaces.get(index).ok_or_else(|| EngineError::Broken(format!("the plan has no surface {surface}")))?;
     let start = plan.first_tile(index).0;
     let run = TileRun { start, end: start + layout.tiles.len() as u64 };
-    let segments = StoredSegments::open(core, id, Phase::Bake, run).await?;
+    let segments = match StoredSegments::open(core, id, Phase::Bake, run).await? {
+        Ok(segments) => segments,
+        Err(gone) => return Ok(TaskResult::Lost(Phase::Bake, gone)),
+    };
     let (scratch, pipeline) = (scratch(core)?, Arc::clone(&core.pipeline));
     let dir = scratch.path().to_owned();
     let report = match blocking(move || pipeline.assemble(&plan, &scene, index, &segments, &dir)).await? {
         Ok(report) => report,
-        Err(problem) => return Ok(TaskResult::Failed(problem)),
+        Err(error) => return failed(error, Phase::Bake),
     };
     let files = take_in(core, scratch.path()).await?;
     Ok(TaskResult::Assembled { surface, report, files })
@@ -59,12 +62,12 @@ pub(super) async fn publish(core: &Arc<Core>, id: JobId) -> Result<TaskResult, E
     let surfaces = core.store.surface_reports(id).await?;
     let (scratch, pipeline) = (scratch(core)?, Arc::clone(&core.pipeline));
     let dir = scratch.path().to_owned();
-    if let Err(problem) = blocking(move || pipeline.manifest(&plan, &scene, &surfaces, &dir)).await? {
-        return Ok(TaskResult::Failed(problem));
+    if let Err(error) = blocking(move || pipeline.manifest(&plan, &scene, &surfaces, &dir)).await? {
+        return failed(error, Phase::Bake);
     }
     let report = report::report(core, &row).await?;
-    let failed = |source| EngineError::Blob(BlobError::write("report.json", source));
-    tokio::fs::write(scratch.path().join("report.json"), report).await.map_err(failed)?;
+    let unwritten = |source| EngineError::Blob(BlobError::write("report.json", source));
+    tokio::fs::write(scratch.path().join("report.json"), report).await.map_err(unwritten)?;
     Ok(TaskResult::Published(take_in(core, scratch.path()).await?))
 }
 

@@ -8,6 +8,7 @@ use super::{
     segments, tasks,
 };
 use crate::{
+    blob::BlobName,
     lease::{self, Attempt},
     store::{AttemptRow, ChunkOutcome, ChunkRow, ChunkTile, NewChunk},
 };
@@ -40,11 +41,14 @@ impl Engine {
     /// attempt and puts its tiles back).
     pub async fn chunk(&self, token: Token, n: u64, body: TempPath) -> Result<ChunkVerdict, Refusal> {
         let core = &self.core;
-        if let Some(row) = core.store.chunk(token, n).await.map_err(busy)? {
-            let entries = segments::entries(&*core.blobs, &row).await.map_err(busy)?;
-            return Ok(verdict(&entries, &row));
-        }
         let attempt = core.store.attempt(token).await.map_err(busy)?.ok_or_else(|| Refusal::Gone { state: "unknown".into() })?;
+        if let Some(row) = core.store.chunk(token, n).await.map_err(busy)? {
+            match segments::entries(&*core.blobs, &row).await.map_err(busy)? {
+                Ok(entries) => return Ok(verdict(&entries, &row)),
+                // Its bytes are gone, and here they are again: as good as new.
+                Err(gone) => lose(core, &attempt, gone).await?,
+            }
+        }
         if !matches!(attempt.state, Attempt::Held { .. } | Attempt::Expired) {
             return Err(Refusal::Gone { state: attempt.state.name().into() });
         }
@@ -80,7 +84,10 @@ impl Engine {
                     core.signals.job_changed(attempt.job);
                     return Ok(verdict(&checked.entries, &row));
                 }
-                ChunkOutcome::NeedDigests(others) => known.extend(digests(core, &others).await.map_err(busy)?),
+                ChunkOutcome::NeedDigests(others) => match digests(core, &others).await.map_err(busy)? {
+                    Ok(digests) => known.extend(digests),
+                    Err(gone) => lose(core, attempt, gone).await?,
+                },
                 ChunkOutcome::Gone(state) => return Err(Refusal::Gone { state }),
             }
         }
@@ -121,14 +128,27 @@ async fn refuse(core: &Core, token: Token, attempt: &AttemptRow, reason: String)
     Refusal::Invalid { reason }
 }
 
-/// Digests of the accepted segments of some chunks.
-async fn digests(core: &Core, chunks: &[ChunkRow]) -> Result<BTreeMap<TileIndex, Digest>, EngineError> {
+/// Takes back what a chunk brought whose blob is gone; a job that does not need it any more takes no late chunks either.
+async fn lose(core: &Core, attempt: &AttemptRow, gone: BlobName) -> Result<(), Refusal> {
+    tracing::warn!(job = %attempt.job, phase = %attempt.phase, blob = %gone, "a blob is gone; its tiles are baked again");
+    if !core.store.lose_chunk(attempt.job, attempt.phase, gone, core.now()).await.map_err(busy)? {
+        return Err(Refusal::Gone { state: "of a phase that is over".into() });
+    }
+    core.signals.job_changed(attempt.job);
+    Ok(())
+}
+
+/// Digests of the accepted segments of some chunks; the inner error names one whose blob is gone.
+async fn digests(core: &Core, chunks: &[ChunkRow]) -> Result<Result<BTreeMap<TileIndex, Digest>, BlobName>, EngineError> {
     let mut known = BTreeMap::new();
     for chunk in chunks {
-        let entries = segments::entries(&*core.blobs, chunk).await?;
+        let entries = match segments::entries(&*core.blobs, chunk).await? {
+            Ok(entries) => entries,
+            Err(gone) => return Ok(Err(gone)),
+        };
         known.extend(entries.iter().filter(|e| chunk.accepted.contains(e.tile)).map(|e| (e.tile, e.digest)));
     }
-    Ok(known)
+    Ok(Ok(known))
 }
 
 fn verdict(entries: &[ChunkEntry], row: &ChunkRow) -> ChunkVerdict {

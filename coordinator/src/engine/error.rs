@@ -69,6 +69,28 @@ pub enum EngineError {
 }
 
 impl EngineError {
+    /// Whether storage failed and nothing is wrong with what was stored: room or a repaired disk makes the same work succeed.
+    #[must_use]
+    pub fn is_storage(&self) -> bool {
+        match self {
+            Self::DataFolder { .. } => true,
+            Self::Store(error) => error.is_full(),
+            Self::Blob(error) => matches!(error, BlobError::Full(_) | BlobError::Write { .. } | BlobError::Read { .. }),
+            _ => false,
+        }
+    }
+
+    /// Whether room on the disk is what is missing.
+    #[must_use]
+    pub fn is_full(&self) -> bool {
+        match self {
+            Self::DataFolder { source, .. } => BlobError::no_room(source),
+            Self::Store(error) => error.is_full(),
+            Self::Blob(error) => error.is_full(),
+            _ => false,
+        }
+    }
+
     /// One problem with a request.
     #[must_use]
     pub fn invalid(message: impl Into<String>) -> Self {

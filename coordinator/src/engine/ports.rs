@@ -4,7 +4,8 @@
 //! blocking is allowed.
 
 use crate::{
-    assemble::{self, SourceError, SurfaceReport},
+    assemble::{self, AssembleError, SourceError, SurfaceReport},
+    blob::BlobError,
     import::{self, Bundle, Content, Imported, Part},
     records::Problem,
     split,
@@ -19,7 +20,50 @@ use kiln_proto::{
     tile::TileIndex,
     wire::message::Phase,
 };
-use std::path::{Path, PathBuf};
+use std::{
+    io,
+    path::{Path, PathBuf},
+};
+
+/// Why the pipeline could not do its work.
+#[derive(Debug, thiserror::Error)]
+pub enum PipelineError {
+    /// What it was given cannot be used; trying again would end the same.
+    #[error("{0}")]
+    Invalid(Problem),
+    /// A segment's blob cannot be had: the disk fails, or the blob is gone.
+    #[error("a segment cannot be read")]
+    Blob(#[from] BlobError),
+    /// A file could not be written: the disk is full or fails.
+    #[error("{} cannot be written", path.display())]
+    Io {
+        /// Which file.
+        path: PathBuf,
+        /// Why.
+        #[source]
+        source: io::Error,
+    },
+}
+
+impl From<Problem> for PipelineError {
+    fn from(problem: Problem) -> Self {
+        Self::Invalid(problem)
+    }
+}
+
+impl From<AssembleError> for PipelineError {
+    fn from(error: AssembleError) -> Self {
+        match error {
+            AssembleError::Io { path, source } => Self::Io { path, source },
+            // What `Segments` answered has passed through assembly as it was.
+            AssembleError::Source { tile, source } => match source.downcast::<PipelineError>() {
+                Ok(own) => *own,
+                Err(source) => problem(&AssembleError::Source { tile, source }).into(),
+            },
+            other => problem(&other).into(),
+        }
+    }
+}
 
 /// Accepted segments, by tile.
 pub trait Segments: Send + Sync {
@@ -27,7 +71,7 @@ pub trait Segments: Send + Sync {
     ///
     /// # Errors
     /// A tile that has none, or whose blob is lost or damaged.
-    fn segment(&self, tile: TileIndex) -> Result<Vec<u8>, Problem>;
+    fn segment(&self, tile: TileIndex) -> Result<Vec<u8>, PipelineError>;
 }
 
 /// The work of a coordinator.
@@ -59,7 +103,7 @@ pub trait Pipeline: Send + Sync + 'static {
     /// Writes the files of one surface under `dir`, with paths as in the package, and answers with its entry of the manifest.
     ///
     /// # Errors
-    /// Segments that are lost, a full disk.
+    /// Segments that are lost or cannot be used, a disk that is full or fails.
     fn assemble(
         &self,
         plan: &Plan,
@@ -67,13 +111,13 @@ pub trait Pipeline: Send + Sync + 'static {
         surface: usize,
         segments: &dyn Segments,
         dir: &Path,
-    ) -> Result<serde_json::Value, Problem>;
+    ) -> Result<serde_json::Value, PipelineError>;
 
     /// Writes `manifest.json`, and whatever else belongs to the package as a whole, under `dir`, from what assembly said of each surface.
     ///
     /// # Errors
-    /// A full disk.
-    fn manifest(&self, plan: &Plan, scene: &Scene, surfaces: &[serde_json::Value], dir: &Path) -> Result<(), Problem>;
+    /// Reports that do not belong to the plan, a disk that is full or fails.
+    fn manifest(&self, plan: &Plan, scene: &Scene, surfaces: &[serde_json::Value], dir: &Path) -> Result<(), PipelineError>;
 }
 
 /// The real one.
@@ -108,19 +152,20 @@ impl Pipeline for Kiln {
         surface: usize,
         segments: &dyn Segments,
         dir: &Path,
-    ) -> Result<serde_json::Value, Problem> {
+    ) -> Result<serde_json::Value, PipelineError> {
         let first = plan.first_tile(surface).0;
         let stem = &scene.surfaces.get(surface).ok_or_else(|| said(format!("the scene has no surface {surface}")))?.file_stem;
-        let mut source = |index: usize| segments.segment(TileIndex(first + index as u64)).map_err(|p| SourceError::from(p.message));
-        let report = assemble::assemble_surface(plan, surface, stem, &mut source, dir).map_err(|e| problem(&e))?;
-        serde_json::to_value(report).map_err(|e| problem(&e))
+        let mut source = |index: usize| segments.segment(TileIndex(first + index as u64)).map_err(SourceError::from);
+        let report = assemble::assemble_surface(plan, surface, stem, &mut source, dir)?;
+        Ok(serde_json::to_value(report).map_err(|e| problem(&e))?)
     }
 
-    fn manifest(&self, plan: &Plan, scene: &Scene, surfaces: &[serde_json::Value], dir: &Path) -> Result<(), Problem> {
+    fn manifest(&self, plan: &Plan, scene: &Scene, surfaces: &[serde_json::Value], dir: &Path) -> Result<(), PipelineError> {
         let report = |value: &serde_json::Value| serde_json::from_value::<SurfaceReport>(value.clone()).map_err(|e| problem(&e));
         let reports = surfaces.iter().map(report).collect::<Result<Vec<_>, _>>()?;
         let bytes = scene.to_bytes().map_err(|e| problem(&e))?;
-        assemble::write_manifest(dir, &bytes, plan, &reports).map(drop).map_err(|e| problem(&e))
+        assemble::write_manifest(dir, &bytes, plan, &reports)?;
+        Ok(())
     }
 }
 

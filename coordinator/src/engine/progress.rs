@@ -54,6 +54,8 @@ pub(super) fn record(core: &Core, row: JobRow) -> JobRecord {
 /// Why nothing happens, where nothing happens.
 fn waiting(core: &Core, row: &JobRow) -> Option<String> {
     match row.state {
+        // A task of it waits for storage: nothing else would help.
+        _ if row.put_off.is_some() => row.put_off.clone(),
         Job::Queued => Some("its scene is being imported".into()),
         Job::Baking { left: 0, .. } => None,
         Job::Baking { .. } if full(core) => {

@@ -1,6 +1,6 @@
 //! Takes tasks and sees them through: renews the lease while the work runs, and reports what came of it.
 
-use super::{EngineError, assembly, core::Core, ports::problem, tasks};
+use super::{EngineError, assembly, core::Core, ports::problem, space, tasks};
 use crate::{
     job::JobTask,
     store::{Task, TaskLease, TaskResult},
@@ -12,6 +12,10 @@ use std::{future::Future, sync::Arc, time::Duration};
 const TTL: i64 = 60_000;
 /// It is renewed this often.
 const RENEW: Duration = Duration::from_secs(15);
+/// What storage failed under is tried again after this long, milliseconds, ...
+const PUT_OFF: i64 = 2_000;
+/// ... twice as long each time, up to this.
+const PUT_OFF_MOST: i64 = 60_000;
 /// A runner that was told of nothing looks this often.
 const IDLE: Duration = Duration::from_secs(1);
 
@@ -21,7 +25,7 @@ pub(super) async fn run(core: Arc<Core>) {
         let woken = core.signals.tasks.notified();
         tokio::pin!(woken);
         woken.as_mut().enable();
-        match core.store.take_task(Token::random(), core.now() + TTL).await {
+        match core.store.take_task(Token::random(), core.now() + TTL, core.now()).await {
             Ok(Some(lease)) => see_through(&core, lease).await,
             Ok(None) => drop(tokio::time::timeout(IDLE, woken).await),
             Err(error) => {
@@ -41,9 +45,15 @@ async fn see_through(core: &Arc<Core>, lease: TaskLease) {
         return;
     };
     let result = match outcome {
+        Ok(TaskResult::Lost(phase, blob)) => {
+            tracing::warn!(task = ?lease.task, %phase, %blob, "a blob is gone; its tiles are baked again");
+            TaskResult::Lost(phase, blob)
+        }
         Ok(result) => result,
+        // Nothing is wrong with the work: it waits, and everything that was accepted stays.
+        Err(error) if error.is_storage() => return put_off(core, &lease, &error).await,
         // Not the job's fault, and nothing could be recorded now: the lease runs out and the task is done again.
-        Err(EngineError::Store(error)) if !error.is_full() => {
+        Err(EngineError::Store(error)) => {
             tracing::error!(task = ?lease.task, error = %problem(&error), "the store failed under a task");
             return;
         }
@@ -70,6 +80,31 @@ async fn see_through(core: &Arc<Core>, lease: TaskLease) {
             }
             core.signals.job_changed(job);
         }
+    }
+}
+
+/// Puts a task back until storage may be better, and tells why.
+async fn put_off(core: &Core, lease: &TaskLease, error: &EngineError) {
+    let reason = problem(error).message;
+    tracing::warn!(task = ?lease.task, reason, "put off");
+    let why = if error.is_full() {
+        let free = space::free(&core.config.data_dir).map_or_else(|_| "an unknown number of".into(), |free| free.to_string());
+        format!(
+            "the disk is full: {free} bytes free on the disk of {}; the job continues when there is room",
+            core.config.data_dir.display()
+        )
+    } else {
+        format!("storage fails: {reason}; the job continues when it works again")
+    };
+    let delay = PUT_OFF.saturating_mul(1 << lease.put_off.min(10)).min(PUT_OFF_MOST);
+    match core.store.put_off_task(lease.token, &why, core.now() + delay).await {
+        Ok(true) => {}
+        Ok(false) => tracing::warn!(task = ?lease.task, "lost to another coordinator"),
+        // The lease runs out and the task is done again.
+        Err(error) => tracing::error!(task = ?lease.task, %error, "it could not be put off"),
+    }
+    if let Task::Job(job, _) = lease.task {
+        core.signals.touch(job);
     }
 }
 

@@ -7,10 +7,10 @@ use super::{
     EngineError,
     core::Core,
     inspect::{parse_trailer, unpack},
-    ports::Segments,
+    ports::{PipelineError, Segments},
 };
 use crate::{
-    blob::{BlobName, Blobs},
+    blob::{BlobError, BlobName, Blobs},
     records::Problem,
     store::ChunkRow,
 };
@@ -23,10 +23,13 @@ use kiln_proto::{
 use std::{collections::BTreeMap, sync::Arc};
 use tokio::runtime::Handle;
 
-/// The entries of a stored chunk.
-pub(super) async fn entries(blobs: &dyn Blobs, chunk: &ChunkRow) -> Result<Vec<ChunkEntry>, EngineError> {
-    let bytes = blobs.load(chunk.blob, Some(chunk.trailer_at..chunk.length), limits::CHUNK_BYTES).await?;
-    parse_trailer(&bytes).map_err(|reason| EngineError::Broken(format!("the chunk {}: {reason}", chunk.blob)))
+/// The entries of a stored chunk; the inner error is the name of its blob, which is gone.
+pub(super) async fn entries(blobs: &dyn Blobs, chunk: &ChunkRow) -> Result<Result<Vec<ChunkEntry>, BlobName>, EngineError> {
+    let bytes = match blobs.load(chunk.blob, Some(chunk.trailer_at..chunk.length), limits::CHUNK_BYTES).await {
+        Err(BlobError::Missing(gone)) => return Ok(Err(gone)),
+        found => found?,
+    };
+    parse_trailer(&bytes).map(Ok).map_err(|reason| EngineError::Broken(format!("the chunk {}: {reason}", chunk.blob)))
 }
 
 /// The accepted segments of a run of tiles.
@@ -37,26 +40,30 @@ pub(super) struct StoredSegments {
 }
 
 impl StoredSegments {
-    /// Indexes a run. Called within the runtime, used where blocking is allowed.
-    pub(super) async fn open(core: &Core, job: JobId, phase: Phase, run: TileRun) -> Result<Self, EngineError> {
+    /// Indexes a run; the inner error names a chunk's blob that is gone. Called within the runtime, used where blocking is allowed.
+    pub(super) async fn open(core: &Core, job: JobId, phase: Phase, run: TileRun) -> Result<Result<Self, BlobName>, EngineError> {
         let mut index = BTreeMap::new();
         for chunk in core.store.chunks(job, phase, run).await? {
-            for entry in entries(&*core.blobs, &chunk).await? {
+            let entries = match entries(&*core.blobs, &chunk).await? {
+                Ok(entries) => entries,
+                Err(gone) => return Ok(Err(gone)),
+            };
+            for entry in entries {
                 if chunk.accepted.contains(entry.tile) && (run.start..run.end).contains(&entry.tile.0) {
                     index.insert(entry.tile, (chunk.blob, entry));
                 }
             }
         }
-        Ok(Self { blobs: Arc::clone(&core.blobs), index, runtime: Handle::current() })
+        Ok(Ok(Self { blobs: Arc::clone(&core.blobs), index, runtime: Handle::current() }))
     }
 }
 
 impl Segments for StoredSegments {
-    fn segment(&self, tile: TileIndex) -> Result<Vec<u8>, Problem> {
+    fn segment(&self, tile: TileIndex) -> Result<Vec<u8>, PipelineError> {
         let lost = |reason: String| Problem { message: format!("the segment of tile {tile} is lost: {reason}"), file: None, line: None };
         let (blob, entry) = self.index.get(&tile).ok_or_else(|| lost("no chunk holds it".into()))?;
         let range = entry.offset..entry.offset + entry.length;
         let packed = self.runtime.block_on(self.blobs.load(*blob, Some(range), limits::CHUNK_BYTES));
-        unpack(&packed.map_err(|e| lost(e.to_string()))?, entry).map_err(lost)
+        Ok(unpack(&packed?, entry).map_err(lost)?)
     }
 }

@@ -3,12 +3,12 @@
 use super::{
     EngineError,
     core::{Core, blocking},
-    ports::Segments,
+    ports::{PipelineError, Segments},
     segments::StoredSegments,
     space,
 };
 use crate::{
-    blob::BlobName,
+    blob::{BlobError, BlobName},
     records::Problem,
     store::{JobRow, PlanRef, TaskResult},
 };
@@ -77,7 +77,7 @@ pub(super) async fn import(core: &Arc<Core>, id: Uuid) -> Result<TaskResult, Eng
 
 /// Copies a blob into a local file.
 async fn copy(core: &Core, blob: BlobName, to: &Path) -> Result<(), EngineError> {
-    let failed = |source| EngineError::Blob(crate::blob::BlobError::write("a scratch file", source));
+    let failed = |source| EngineError::Blob(BlobError::write("a scratch file", source));
     let mut file = tokio::fs::File::create(to).await.map_err(failed)?;
     let (_, mut stream) = core.blobs.read(blob, None).await?;
     while let Some(part) = stream.next().await {
@@ -111,7 +111,10 @@ pub(super) async fn merge(core: &Arc<Core>, id: JobId, phase: Phase) -> Result<T
     let row = job(core, id).await?;
     let (_, plan) = plan(core, &row).await?;
     let tiles = plan.tile_count(phase);
-    let segments = StoredSegments::open(core, id, phase, TileRun { start: 0, end: tiles }).await?;
+    let segments = match StoredSegments::open(core, id, phase, TileRun { start: 0, end: tiles }).await? {
+        Ok(segments) => segments,
+        Err(gone) => return Ok(TaskResult::Lost(phase, gone)),
+    };
     let pipeline = Arc::clone(&core.pipeline);
     let merged = blocking(move || {
         let mut sums = ProbeSums::new(plan.surfaces.len());
@@ -119,16 +122,27 @@ pub(super) async fn merge(core: &Arc<Core>, id: JobId, phase: Phase) -> Result<T
             sums.add(&pipeline.probe(&segments.segment(tile)?, &plan, tile)?);
         }
         let probe = sums.results(plan.settings.exposure, plan.settings.walk);
-        Ok::<Plan, Problem>(Plan { probe: Some(probe), ..(*plan).clone() })
+        Ok::<Plan, PipelineError>(Plan { probe: Some(probe), ..(*plan).clone() })
     });
     let plan = match merged.await? {
         Ok(plan) => plan,
-        Err(problem) => return Ok(TaskResult::Failed(problem)),
+        Err(error) => return failed(error, phase),
     };
     let tiles = plan.tile_count(Phase::Bake);
     let cost = plan.surfaces.iter().flat_map(|s| &s.tiles).map(|t| u64::from(t.covered) + u64::from(t.gutter)).sum();
     let plan = core.put_plan(plan).await?;
     Ok(TaskResult::Merged { phase, plan, tiles, cost })
+}
+
+/// What becomes of a task whose pipeline failed over the segments of a phase: content that cannot be used fails the job; storage that failed
+/// does not, and segments that are gone are baked again.
+pub(super) fn failed(error: PipelineError, phase: Phase) -> Result<TaskResult, EngineError> {
+    match error {
+        PipelineError::Invalid(problem) => Ok(TaskResult::Failed(problem)),
+        PipelineError::Blob(BlobError::Missing(blob)) => Ok(TaskResult::Lost(phase, blob)),
+        PipelineError::Blob(error) => Err(EngineError::Blob(error)),
+        PipelineError::Io { path, source } => Err(EngineError::Blob(BlobError::write(path.display().to_string(), source))),
+    }
 }
 
 /// Every file below a folder, with its path relative to it, `/` between parts, in order.

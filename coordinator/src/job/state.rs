@@ -25,6 +25,8 @@ pub enum Job {
     Assembling {
         /// Surfaces that are not assembled yet.
         left: u32,
+        /// Surfaces of the scene.
+        surfaces: u32,
     },
     /// Its package is published.
     Done,

@@ -5,7 +5,9 @@
 //!                              ┌──────┐
 //!                              │      ▼
 //! Queued ─► Preparing ─► Baking{phase, left} ─► Assembling{left} ─► Done
-//!   scene      prepared     last tile of Bake      last surface, then published
+//!   scene      prepared  │  ▲  ▲  last tile of Bake │  last surface, then published
+//!                        └──┘  └────────────────────┘
+//!                lost: delivered tiles whose bytes are gone are baked again
 //!
 //!   any of these ──fail──► Failed{problem}      any of these ──cancel──► Cancelled
 //! ```
@@ -31,6 +33,13 @@ pub enum Event {
     },
     /// Tiles of a phase were accepted for the first time.
     Accepted {
+        /// The phase.
+        phase: Phase,
+        /// How many.
+        tiles: u64,
+    },
+    /// Tiles of a phase that had been accepted are lost: the bytes of their segments are gone.
+    Lost {
         /// The phase.
         phase: Phase,
         /// How many.
@@ -65,6 +74,8 @@ pub enum Action {
         /// n.
         tiles: u64,
     },
+    /// Coordinator work that waits or runs is withdrawn; what lacks segments cannot be done, and becomes due again when they are back.
+    Recall,
     /// Leases, pending tiles and waiting tasks are withdrawn; their holders are told to stop.
     Withdraw,
     /// Segments and leases are no longer needed.
@@ -89,6 +100,7 @@ impl Event {
             Event::SceneReady => "a ready scene",
             Event::Prepared { .. } => "a plan",
             Event::Accepted { .. } => "a delivered tile",
+            Event::Lost { .. } => "a lost tile",
             Event::Merged { .. } => "a merged phase",
             Event::SurfaceAssembled => "an assembled surface",
             Event::Published => "a published package",
@@ -113,16 +125,23 @@ pub fn apply(job: &Job, event: &Event) -> Result<(Job, Vec<Action>), Illegal> {
         (Job::Baking { phase, left, surfaces }, Event::Accepted { phase: of, tiles }) if phase == of && (1..=*left).contains(tiles) => {
             Ok(delivered(*phase, left - tiles, *surfaces))
         }
+        (Job::Baking { phase, left, surfaces }, Event::Lost { phase: of, tiles }) if phase == of && *tiles > 0 => {
+            Ok((Job::Baking { phase: *phase, left: left + tiles, surfaces: *surfaces }, vec![Action::Recall]))
+        }
+        // Once every surface is assembled, nobody needs segments any more.
+        (Job::Assembling { left, surfaces }, Event::Lost { phase: Phase::Bake, tiles }) if *left > 0 && *tiles > 0 => {
+            Ok((Job::Baking { phase: Phase::Bake, left: *tiles, surfaces: *surfaces }, vec![Action::Recall]))
+        }
         (Job::Baking { phase: Phase::Probe, left: 0, surfaces }, Event::Merged { phase: Phase::Probe, tiles }) if *tiles > 0 => {
             let phase = Phase::Bake;
             Ok((Job::Baking { phase, left: *tiles, surfaces: *surfaces }, vec![Action::OpenPhase { phase, tiles: *tiles }]))
         }
-        (Job::Assembling { left }, Event::SurfaceAssembled) if *left > 0 => {
+        (Job::Assembling { left, surfaces }, Event::SurfaceAssembled) if *left > 0 => {
             let left = left - 1;
             let publish = (left == 0).then_some(Action::Enqueue(JobTask::Publish));
-            Ok((Job::Assembling { left }, publish.into_iter().collect()))
+            Ok((Job::Assembling { left, surfaces: *surfaces }, publish.into_iter().collect()))
         }
-        (Job::Assembling { left: 0 }, Event::Published) => Ok((Job::Done, vec![Action::Retire])),
+        (Job::Assembling { left: 0, .. }, Event::Published) => Ok((Job::Done, vec![Action::Retire])),
         (job, Event::Fail(problem)) if !job.is_final() => {
             Ok((Job::Failed { problem: problem.clone() }, vec![Action::Withdraw, Action::Retire]))
         }
@@ -137,7 +156,7 @@ fn delivered(phase: Phase, left: u64, surfaces: u32) -> (Job, Vec<Action>) {
         (Phase::Probe, 0) => (Job::Baking { phase, left, surfaces }, vec![Action::Enqueue(JobTask::Merge(phase))]),
         (Phase::Bake, 0) => {
             let tasks = (0..surfaces).map(|s| Action::Enqueue(JobTask::Assemble(s))).collect();
-            (Job::Assembling { left: surfaces }, tasks)
+            (Job::Assembling { left: surfaces, surfaces }, tasks)
         }
         _ => (Job::Baking { phase, left, surfaces }, vec![]),
     }

@@ -52,6 +52,12 @@ impl Shard {
         self.pending = self.pending.union(&tiles.minus(&self.done));
     }
 
+    /// Puts tiles back that were done and whose segments are lost. One that a held attempt still owes too is baked twice at worst.
+    pub fn lose(&mut self, tiles: &TileRuns) {
+        self.done = self.done.minus(tiles);
+        self.pending = self.pending.union(tiles);
+    }
+
     /// Marks a tile done. Whether this is its first valid segment.
     pub fn accept(&mut self, tile: TileIndex) -> bool {
         if self.done.contains(tile) {
@@ -87,5 +93,8 @@ mod tests {
         assert_eq!(shard.take(TileIndex(0), 1), None);
         shard.give_back(&TileRuns::all(10));
         assert_eq!(shard.pending.len(), 9);
+        shard.lose(&TileRuns::from_run(TileRun { start: 2, end: 3 }));
+        assert_eq!((shard.pending.len(), shard.done.len()), (10, 0));
+        assert!(shard.accept(TileIndex(2)));
     }
 }

@@ -148,7 +148,7 @@ fn every_schedule_accepts_every_tile_exactly_once_and_ends() {
             }
             farm.check();
             assert_eq!(farm.accepted.len() as u64, tiles);
-            assert_eq!(farm.job, Job::Assembling { left: 1 });
+            assert_eq!(farm.job, Job::Assembling { left: 1, surfaces: 1 });
         });
         assert!(outcome.is_ok(), "seed {seed}");
     }

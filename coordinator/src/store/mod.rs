@@ -70,14 +70,18 @@ pub trait Store: Send + Sync + 'static {
     /// The compressed bytes of a plan that a job has or had.
     async fn plan(&self, digest: Digest) -> Result<Option<BlobName>, StoreError>;
 
-    /// Takes the oldest waiting task until `deadline`.
-    async fn take_task(&self, token: Token, deadline: UnixMillis) -> Result<Option<TaskLease>, StoreError>;
+    /// Takes the oldest task that waits and is due, until `deadline`.
+    async fn take_task(&self, token: Token, deadline: UnixMillis, now: UnixMillis) -> Result<Option<TaskLease>, StoreError>;
 
     /// Extends a task. Whether the token still holds it.
     async fn renew_task(&self, token: Token, deadline: UnixMillis) -> Result<bool, StoreError>;
 
     /// Ends a task with its result, all effects included, if the token still holds it: publishing is this compare-and-set.
     async fn finish_task(&self, token: Token, result: &TaskResult, now: UnixMillis) -> Result<bool, StoreError>;
+
+    /// Puts a task back that storage failed under, if the token still holds it: it is due again at `due`, and `why` tells people what it
+    /// waits for. Such a try does not count against [`TASK_TRIES`]. Whether it was held.
+    async fn put_off_task(&self, token: Token, why: &str, due: UnixMillis) -> Result<bool, StoreError>;
 
     /// Puts every held task back. Only for a coordinator that knows itself to be alone.
     async fn take_over_tasks(&self, now: UnixMillis) -> Result<u64, StoreError>;
@@ -114,6 +118,10 @@ pub trait Store: Send + Sync + 'static {
         known: &BTreeMap<TileIndex, Digest>,
         now: UnixMillis,
     ) -> Result<ChunkOutcome, StoreError>;
+
+    /// Takes back what a chunk of a phase brought, because its blob is gone: its rows go, its accepted tiles wait for a worker again, and the
+    /// job bakes them before anything that needs them is done. Whether the job still needs them; if not, nothing changes.
+    async fn lose_chunk(&self, job: JobId, phase: Phase, blob: BlobName, now: UnixMillis) -> Result<bool, StoreError>;
 
     /// Ends an attempt by [`lease::Event::Complete`], `Release` or `Fence`. What it owes and nobody delivered goes back to work.
     async fn finish_attempt(

@@ -83,6 +83,8 @@ pub struct JobRow {
     pub rays: u64,
     /// Workers that hold an attempt of it.
     pub workers: u32,
+    /// What a task of it waits for that storage failed under.
+    pub put_off: Option<String>,
     /// When it was created.
     pub created_ms: UnixMillis,
     /// Every state it entered, in order: the state, the phase while baking, when.
@@ -130,6 +132,8 @@ pub struct TaskLease {
     pub token: Token,
     /// What to do.
     pub task: Task,
+    /// How often storage has failed under it already.
+    pub put_off: u32,
 }
 
 /// A file of a package as stored.
@@ -196,6 +200,8 @@ pub enum TaskResult {
     Published(Vec<StoredPackageFile>),
     /// It cannot be done: the job fails.
     Failed(Problem),
+    /// It cannot be done yet: the bytes of a chunk of this phase are gone (see [`Store::lose_chunk`](super::Store::lose_chunk)).
+    Lost(Phase, BlobName),
 }
 
 /// Tiles that wait for a worker.

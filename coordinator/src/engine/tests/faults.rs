@@ -20,31 +20,62 @@ async fn a_full_disk_puts_workers_off_and_loses_nothing() {
     assert_eq!(worker.see_through(job).await.state, JobState::Done);
 }
 
-#[tokio::test(flavor = "multi_thread")]
-async fn a_disk_that_is_full_at_the_barrier_fails_the_job_and_no_other() {
-    let rig = Rig::new();
-    let engine = rig.open().await;
-    let scene = ready_scene(&engine).await;
-    let doomed = engine.create_job(new_job(&scene)).await.unwrap().id;
-    let worker = Worker::join(&engine, "w").await;
-    // The disk fills up as soon as the last probe tile is in: the barrier finds no room for its plan.
-    while engine.job(doomed).await.unwrap().phase != Some(Phase::Bake) {
+/// Bakes until the last tile of a phase is in, with a disk that fills up behind it: what follows finds no room. How many tiles were baked.
+async fn bake_until_full(rig: &Rig, engine: &Engine, worker: &Worker, job: JobId, last: Phase) -> u64 {
+    let mut baked = 0;
+    while !rig.full.load(Ordering::SeqCst) {
         let Some(grant) = worker.lease_within(20).await else { continue };
-        let progress = engine.job(doomed).await.unwrap().progress;
+        let progress = engine.job(job).await.unwrap().progress;
         let tiles: Vec<u64> = (grant.tiles.start..grant.tiles.end).collect();
-        rig.full_after_next.store(progress.tiles - progress.tiles_done == tiles.len() as u64, Ordering::SeqCst);
+        let is_last = grant.phase == last && progress.tiles - progress.tiles_done == tiles.len() as u64;
+        rig.full_after_next.store(is_last, Ordering::SeqCst);
         worker.put(grant.token, 0, &chunk(grant.phase, &tiles)).await.unwrap();
-        if rig.full_after_next.load(Ordering::SeqCst) {
-            break;
-        }
+        baked += tiles.len() as u64;
         engine.complete(grant.token, &finish()).await.unwrap();
     }
-    let failed = until(&engine, doomed, JobState::Failed).await;
-    assert!(failed.problem.unwrap().message.contains("disk is full"));
-    rig.full_after_next.store(false, Ordering::SeqCst);
-    rig.full.store(false, Ordering::SeqCst);
-    let next = engine.create_job(new_job(&scene)).await.unwrap().id;
-    assert_eq!(worker.see_through(next).await.state, JobState::Done);
+    baked
+}
+
+/// The record of a job as soon as it says what it waits for on the disk.
+async fn until_it_waits(engine: &Engine, job: JobId) -> JobRecord {
+    loop {
+        let record = engine.job(job).await.unwrap();
+        assert!(!record.state.is_final(), "ended: {:?}", record.problem);
+        if record.waiting.as_ref().is_some_and(|w| w.contains("the disk is full") && w.contains("bytes free")) {
+            return record;
+        }
+        tokio::task::yield_now().await;
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_job_waits_while_the_disk_is_full_at_the_barrier_or_at_assembly_and_bakes_nothing_twice() {
+    for (phase, state) in [(Phase::Probe, JobState::Baking), (Phase::Bake, JobState::Assembling)] {
+        let rig = Rig::new();
+        let engine = rig.open().await;
+        let scene = ready_scene(&engine).await;
+        let job = engine.create_job(new_job(&scene)).await.unwrap().id;
+        let worker = Worker::join(&engine, "w").await;
+        let mut baked = bake_until_full(&rig, &engine, &worker, job, phase).await;
+        assert_eq!(until_it_waits(&engine, job).await.state, state);
+        // Still full when it is tried again: it waits longer, and goes on waiting.
+        rig.pass(&engine, 2_000).await;
+        assert_eq!(until_it_waits(&engine, job).await.state, state);
+        rig.full_after_next.store(false, Ordering::SeqCst);
+        rig.full.store(false, Ordering::SeqCst);
+        while !engine.job(job).await.unwrap().state.is_final() {
+            rig.pass(&engine, 60_000).await;
+            engine.core.signals.tasks.notify_waiters();
+            let Some(grant) = worker.lease_within(20).await else { continue };
+            baked += grant.tiles.len();
+            worker.bake(&grant).await;
+        }
+        let done = engine.job(job).await.unwrap();
+        assert_eq!((done.state, done.waiting), (JobState::Done, None), "{:?}", done.problem);
+        let plan = engine.core.store.job(job).await.unwrap().unwrap().plan.unwrap();
+        let plan = engine.core.plan(&plan).await.unwrap();
+        assert_eq!(baked, plan.tile_count(Phase::Probe) + plan.tile_count(Phase::Bake), "nothing is baked twice");
+    }
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -4,11 +4,12 @@ mod chunks;
 mod crash;
 mod faults;
 mod flow;
+mod lost;
 mod real;
 
 use super::{
     Engine, EngineError, JobFilter, Parts, UploadedFile, background,
-    ports::{Kiln, Pipeline, Segments},
+    ports::{Kiln, Pipeline, PipelineError, Segments},
 };
 use crate::{
     blob::{BlobError, BlobName, Blobs, ByteStream, LocalBlobs},
@@ -107,7 +108,7 @@ impl Pipeline for Toy {
         surface: usize,
         segments: &dyn Segments,
         dir: &Path,
-    ) -> Result<serde_json::Value, Problem> {
+    ) -> Result<serde_json::Value, PipelineError> {
         let first = plan.first_tile(surface).0;
         let tiles = first..first + plan.surfaces[surface].tiles.len() as u64;
         let bytes = tiles.map(|t| segments.segment(TileIndex(t))).collect::<Result<Vec<_>, _>>()?.concat();
@@ -115,7 +116,7 @@ impl Pipeline for Toy {
         std::fs::write(dir.join(format!("surfaces/{}.toy", scene.surfaces[surface].name)), bytes).unwrap();
         Ok(serde_json::json!({ "surface": surface }))
     }
-    fn manifest(&self, plan: &Plan, _: &Scene, surfaces: &[serde_json::Value], dir: &Path) -> Result<(), Problem> {
+    fn manifest(&self, plan: &Plan, _: &Scene, surfaces: &[serde_json::Value], dir: &Path) -> Result<(), PipelineError> {
         let exposure = plan.probe.as_ref().unwrap().exposure.eighths;
         std::fs::write(dir.join("manifest.json"), serde_json::json!({ "surfaces": surfaces, "exposure": exposure }).to_string()).unwrap();
         Ok(())

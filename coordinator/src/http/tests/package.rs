@@ -4,7 +4,7 @@ use super::*;
 use crate::{
     engine::{
         Parts,
-        ports::{Kiln, Pipeline, Segments},
+        ports::{Kiln, Pipeline, PipelineError, Segments},
     },
     http::worker_protocol::FRAME,
     import::Imported,
@@ -50,7 +50,7 @@ impl Pipeline for Names {
         sums.count(0.25);
         Ok(sums)
     }
-    fn assemble(&self, plan: &Plan, _: &Scene, surface: usize, segments: &dyn Segments, dir: &Path) -> Result<Value, Problem> {
+    fn assemble(&self, plan: &Plan, _: &Scene, surface: usize, segments: &dyn Segments, dir: &Path) -> Result<Value, PipelineError> {
         let first = plan.first_tile(surface).0;
         let tiles = first..first + plan.surfaces[surface].tiles.len() as u64;
         let bytes = tiles.map(|tile| segments.segment(TileIndex(tile))).collect::<Result<Vec<_>, _>>()?.concat();
@@ -58,7 +58,7 @@ impl Pipeline for Names {
         std::fs::write(dir.join("floor.names"), bytes).unwrap();
         Ok(serde_json::json!({ "surface": surface }))
     }
-    fn manifest(&self, _: &Plan, _: &Scene, _: &[Value], dir: &Path) -> Result<(), Problem> {
+    fn manifest(&self, _: &Plan, _: &Scene, _: &[Value], dir: &Path) -> Result<(), PipelineError> {
         std::fs::write(dir.join("manifest.json"), "{}").unwrap();
         Ok(())
     }

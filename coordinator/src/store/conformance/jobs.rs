@@ -44,7 +44,7 @@ pub(super) async fn a_job_runs_through_its_tasks(store: &dyn Store) {
     assert_eq!((row.state, row.marks.len()), (Job::Done, 6));
     assert_eq!(store.package(job).await.unwrap(), [file("manifest.json"), file("surfaces/s")]);
     assert_eq!(store.chunks(job, Phase::Bake, run).await.unwrap(), [], "segments are retired");
-    assert_eq!(store.take_task(Token::random(), NOW).await.unwrap(), None);
+    assert_eq!(store.take_task(Token::random(), NOW, NOW).await.unwrap(), None);
 }
 
 pub(super) async fn jobs_wait_for_their_scene_and_fail_with_it(store: &dyn Store) {
@@ -68,27 +68,30 @@ pub(super) async fn jobs_wait_for_their_scene_and_fail_with_it(store: &dyn Store
 pub(super) async fn a_task_belongs_to_its_token(store: &dyn Store) {
     let id = scene(store).await.record.id;
     let (old, new) = (Token::random(), Token::random());
-    assert!(store.take_task(old, NOW + 10).await.unwrap().is_some());
-    assert!(store.take_task(new, NOW + 10).await.unwrap().is_none(), "it is held");
+    assert!(store.take_task(old, NOW + 10, NOW).await.unwrap().is_some());
+    assert!(store.take_task(new, NOW + 10, NOW).await.unwrap().is_none(), "it is held");
     assert!(store.renew_task(old, NOW + 20).await.unwrap());
     assert_eq!(store.expire(NOW + 19).await.unwrap().tasks, 0);
     assert_eq!(store.expire(NOW + 20).await.unwrap().tasks, 1);
-    assert_eq!(store.take_task(new, NOW + 50).await.unwrap().unwrap().task, Task::Import(id));
+    assert_eq!(store.take_task(new, NOW + 50, NOW).await.unwrap().unwrap().task, Task::Import(id));
     let failed = TaskResult::Failed(Problem { message: "late".into(), file: None, line: None });
     assert!(!store.renew_task(old, NOW + 99).await.unwrap() && !store.finish_task(old, &failed, NOW).await.unwrap(), "the token fences");
     assert_eq!(store.scene(id).await.unwrap().unwrap().record.state, SceneState::Importing);
     assert_eq!(store.take_over_tasks(NOW).await.unwrap(), 1, "whoever knows itself alone need not wait for deadlines");
-    assert!(store.take_task(old, NOW + 50).await.unwrap().is_some());
+    assert!(store.take_task(old, NOW + 50, NOW).await.unwrap().is_some());
+    assert!(store.put_off_task(old, "no room", NOW + 70).await.unwrap() && !store.put_off_task(old, "no room", NOW).await.unwrap());
+    assert_eq!(store.take_task(new, NOW + 90, NOW + 69).await.unwrap(), None, "it is not due");
+    assert_eq!(store.take_task(new, NOW + 90, NOW + 70).await.unwrap().unwrap().put_off, 1);
 }
 
 pub(super) async fn a_task_that_never_ends_fails_its_job(store: &dyn Store) {
     let scene = ready_scene(store).await;
     let job = store.add_job(&spec(scene, 0), NOW).await.unwrap().spec.id;
     for _ in 0..TASK_TRIES {
-        assert!(store.take_task(Token::random(), NOW + 1).await.unwrap().is_some());
+        assert!(store.take_task(Token::random(), NOW + 1, NOW).await.unwrap().is_some());
         store.expire(NOW + 1).await.unwrap();
     }
-    assert!(store.take_task(Token::random(), NOW + 1).await.unwrap().is_none());
+    assert!(store.take_task(Token::random(), NOW + 1, NOW).await.unwrap().is_none());
     assert_eq!(store.job(job).await.unwrap().unwrap().state.public(), JobState::Failed);
 }
 

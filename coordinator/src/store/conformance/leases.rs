@@ -88,6 +88,30 @@ pub(super) async fn a_repeated_chunk_changes_nothing(store: &dyn Store) {
     assert_eq!(refused, ChunkOutcome::Gone("released".into()));
 }
 
+pub(super) async fn conflicts_blame_whoever_brought_the_tile(store: &dyn Store) {
+    let scene = ready_scene(store).await;
+    let job = probing(store, scene, 5, 0).await;
+    let (outer, inner, late) = (grant(job, 0, 5, NOW - 100), grant(job, 0, 5, NOW), grant(job, 0, 5, NOW));
+    let none = BTreeMap::new();
+    // The outer chunk reaches across the tile that the inner one brings.
+    assert!(store.grant(&outer, NOW - 100).await.unwrap());
+    store.expire(NOW).await.unwrap();
+    store.record_chunk(&chunk(outer.token, 0, &[0, 4], ""), &none, NOW).await.unwrap();
+    let inner = Grant { run: TileRun { start: 1, end: 4 }, ..inner };
+    assert!(store.grant(&inner, NOW).await.unwrap());
+    let two = chunk(inner.token, 0, &[2], "");
+    store.record_chunk(&two, &none, NOW).await.unwrap();
+    store.finish_attempt(inner.token, LeaseEvent::Release, None, NOW).await.unwrap();
+    let late = Grant { run: TileRun { start: 3, end: 4 }, ..late };
+    assert!(store.grant(&late, NOW).await.unwrap());
+    let known = BTreeMap::from([(two.tiles[0].tile, two.tiles[0].digest)]);
+    store.record_chunk(&chunk(late.token, 0, &[2], "x"), &known, NOW).await.unwrap();
+    let events = store.events(job, 0, 100).await.unwrap().unwrap().events;
+    let said = |e: &crate::records::JobEvent| format!("{:?}", e.kind);
+    let blamed = events.iter().map(said).find(|text| text.contains("determinism")).expect("a conflict");
+    assert!(blamed.contains(&inner.worker.to_string()) && !blamed.contains(&outer.worker.to_string()), "{blamed}");
+}
+
 pub(super) async fn the_end_of_a_job_ends_its_leases(store: &dyn Store) {
     let scene = ready_scene(store).await;
     let job = probing(store, scene, 4, 0).await;

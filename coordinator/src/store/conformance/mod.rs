@@ -31,6 +31,7 @@ pub(crate) async fn all<F: Future<Output = Arc<dyn Store>>>(fresh: impl Fn() -> 
     leases::priority_then_age_decides(&*fresh().await).await;
     leases::expiry_returns_what_is_owed_and_takes_late_chunks(&*fresh().await).await;
     leases::a_repeated_chunk_changes_nothing(&*fresh().await).await;
+    leases::conflicts_blame_whoever_brought_the_tile(&*fresh().await).await;
     leases::the_end_of_a_job_ends_its_leases(&*fresh().await).await;
     schedule::random_schedules_agree_with_the_oracle(&*fresh().await).await;
 }
@@ -65,7 +66,7 @@ fn statistics() -> SceneStatistics {
 /// Takes the next task, which must be this one, and ends it.
 async fn perform(store: &dyn Store, expected: Task, result: &TaskResult) {
     let token = Token::random();
-    let lease = store.take_task(token, NOW + 1_000_000).await.unwrap().expect("a task");
+    let lease = store.take_task(token, NOW + 1_000_000, NOW).await.unwrap().expect("a task");
     assert_eq!(lease.task, expected);
     assert!(store.finish_task(token, result, NOW).await.unwrap());
 }

@@ -103,7 +103,7 @@ pub(super) async fn record(
         accepted: accepted.clone(),
         conflicts: sorted.conflicts.clone(),
     };
-    insert(c, chunk, &attempt, &row).await?;
+    insert(c, chunk, &attempt, &row, sorted.cost).await?;
     credit(c, chunk.token, &attempt, &accepted, sorted.cost, now).await?;
     if !sorted.conflicts.is_empty() {
         blame(c, &attempt, &sorted.conflicts, now).await?;
@@ -111,12 +111,12 @@ pub(super) async fn record(
     Ok(ChunkOutcome::Recorded(row))
 }
 
-async fn insert(c: &mut SqliteConnection, chunk: &NewChunk, attempt: &AttemptRow, row: &ChunkRow) -> Result<(), StoreError> {
+async fn insert(c: &mut SqliteConnection, chunk: &NewChunk, attempt: &AttemptRow, row: &ChunkRow, cost: u64) -> Result<(), StoreError> {
     let first = row.accepted.runs().first().map_or(attempt.run.start, |r| r.start);
     let last = row.accepted.runs().last().map_or(first, |r| r.end - 1);
     sqlx::query(
-        "INSERT INTO chunks (token, n, job, phase, blob, trailer_at, length, first, last, accepted, conflicts)
-         VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+        "INSERT INTO chunks (token, n, job, phase, blob, trailer_at, length, first, last, accepted, conflicts, cost)
+         VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
     )
     .bind(chunk.token.to_string())
     .bind(int(chunk.n))
@@ -129,6 +129,7 @@ async fn insert(c: &mut SqliteConnection, chunk: &NewChunk, attempt: &AttemptRow
     .bind(int(last))
     .bind(runs_text(&row.accepted))
     .bind(runs_text(&row.conflicts))
+    .bind(int(cost))
     .execute(c)
     .await?;
     Ok(())
@@ -164,13 +165,21 @@ async fn credit(
 
 /// Records that two workers baked different bytes for the same tiles: one of them is wrong, or the estimator is not deterministic.
 async fn blame(c: &mut SqliteConnection, attempt: &AttemptRow, conflicts: &TileRuns, now: UnixMillis) -> Result<(), StoreError> {
-    let span = TileRun { start: conflicts.runs()[0].start, end: conflicts.runs()[0].end };
-    let query = sqlx::query_scalar(
-        "SELECT a.worker FROM chunks k JOIN attempts a ON a.token = k.token
-         WHERE k.job = ? AND k.phase = ? AND k.accepted <> '' AND k.first < ? AND k.last >= ? LIMIT 1",
+    let tile = TileIndex(conflicts.runs().first().map_or(attempt.run.start, |r| r.start));
+    let query = sqlx::query_as(
+        "SELECT a.worker, k.accepted FROM chunks k JOIN attempts a ON a.token = k.token
+         WHERE k.job = ? AND k.phase = ? AND k.accepted <> '' AND k.first >= ? AND k.first <= ? AND k.last >= ?",
     );
-    let query = query.bind(attempt.job.to_string()).bind(attempt.phase.to_string()).bind(int(span.end)).bind(int(span.start));
-    let other: Option<String> = query.fetch_optional(&mut *c).await?;
+    let earliest = tile.0.saturating_sub(lease::SHARD_TILES);
+    let query = query.bind(attempt.job.to_string()).bind(attempt.phase.to_string()).bind(int(earliest)).bind(int(tile.0)).bind(int(tile.0));
+    let around: Vec<(String, String)> = query.fetch_all(&mut *c).await?;
+    let mut other = None;
+    // The chunks of several workers may reach across each other; one of them brought the tile.
+    for (worker, accepted) in around {
+        if runs(&accepted)?.contains(tile) {
+            other = Some(worker);
+        }
+    }
     let message = format!(
         "determinism: worker {} baked other bytes for tiles {} of {} than worker {}; the first ones were kept",
         attempt.worker,

@@ -93,6 +93,7 @@ async fn perform(c: &mut SqliteConnection, id: JobId, action: &Action, now: Unix
                 .await?;
             shards::open(c, id, *phase, *tiles).await
         }
+        Action::Recall => tasks::drop_all(c, id).await,
         Action::Withdraw => {
             attempts::fence_all(c, id, now).await?;
             tasks::drop_all(c, id).await
@@ -117,7 +118,8 @@ pub(super) async fn state(c: &mut SqliteConnection, id: JobId) -> Result<Option<
 /// A job with what its held attempts add.
 const SELECT: &str = "SELECT jobs.*,
     (SELECT COUNT(DISTINCT worker) FROM attempts a WHERE a.job = jobs.id AND a.state = 'held') AS workers,
-    (SELECT COALESCE(SUM(rays), 0) FROM attempts a WHERE a.job = jobs.id AND a.state = 'held') AS rays_held
+    (SELECT COALESCE(SUM(rays), 0) FROM attempts a WHERE a.job = jobs.id AND a.state = 'held') AS rays_held,
+    (SELECT why FROM tasks t WHERE t.job = jobs.id AND t.why IS NOT NULL LIMIT 1) AS why
     FROM jobs";
 
 fn row(row: &SqliteRow) -> Result<JobRow, StoreError> {
@@ -145,6 +147,7 @@ fn row(row: &SqliteRow) -> Result<JobRow, StoreError> {
         texels: number("texels")?,
         rays: number("rays")? + number("rays_held")?,
         workers: row.try_get("workers")?,
+        put_off: maybe("why")?,
         created_ms: row.try_get("created")?,
         marks: from_json("marks", &text("marks")?)?,
         seq: row.try_get("seq")?,

@@ -7,6 +7,7 @@ mod attempts;
 mod chunks;
 mod events;
 mod jobs;
+mod lost;
 mod open;
 mod packages;
 mod rows;
@@ -160,9 +161,9 @@ impl Store for SqliteStore {
         blob.map(|text| rows::parse("a blob name", &text)).transpose()
     }
 
-    async fn take_task(&self, token: Token, deadline: UnixMillis) -> Result<Option<TaskLease>, StoreError> {
+    async fn take_task(&self, token: Token, deadline: UnixMillis, now: UnixMillis) -> Result<Option<TaskLease>, StoreError> {
         let mut tx = self.write().await?;
-        let task = tasks::take(&mut tx, token, deadline).await?;
+        let task = tasks::take(&mut tx, token, deadline, now).await?;
         tx.commit().await?;
         Ok(task)
     }
@@ -177,6 +178,13 @@ impl Store for SqliteStore {
     async fn finish_task(&self, token: Token, result: &TaskResult, now: UnixMillis) -> Result<bool, StoreError> {
         let mut tx = self.write().await?;
         let held = tasks::finish(&mut tx, token, result, now).await?;
+        tx.commit().await?;
+        Ok(held)
+    }
+
+    async fn put_off_task(&self, token: Token, why: &str, due: UnixMillis) -> Result<bool, StoreError> {
+        let mut tx = self.write().await?;
+        let held = tasks::put_off(&mut tx, token, why, due).await?;
         tx.commit().await?;
         Ok(held)
     }
@@ -242,6 +250,15 @@ impl Store for SqliteStore {
         let outcome = chunks::record(&mut tx, chunk, known, now).await?;
         tx.commit().await?;
         Ok(outcome)
+    }
+
+    async fn lose_chunk(&self, job: JobId, phase: Phase, blob: BlobName, now: UnixMillis) -> Result<bool, StoreError> {
+        let mut tx = self.write().await?;
+        let needed = lost::lose(&mut tx, job, phase, blob, now).await?;
+        if needed {
+            tx.commit().await?;
+        }
+        Ok(needed)
     }
 
     async fn finish_attempt(

@@ -1,7 +1,7 @@
 //! Coordinator work, leased with tokens. A task that waits has no token; a task that is over has no row.
 
 use super::{
-    jobs, packages,
+    jobs, lost, packages,
     rows::{from_json, json},
     scenes,
 };
@@ -27,23 +27,35 @@ pub(super) async fn drop_all(c: &mut SqliteConnection, job: JobId) -> Result<(),
     Ok(())
 }
 
-pub(super) async fn take(c: &mut SqliteConnection, token: Token, deadline: UnixMillis) -> Result<Option<TaskLease>, StoreError> {
-    let query = sqlx::query_scalar(
+pub(super) async fn take(
+    c: &mut SqliteConnection,
+    token: Token,
+    deadline: UnixMillis,
+    now: UnixMillis,
+) -> Result<Option<TaskLease>, StoreError> {
+    let query = sqlx::query_as(
         "UPDATE tasks SET token = ?, deadline = ?, tries = tries + 1
-         WHERE id = (SELECT id FROM tasks WHERE token IS NULL ORDER BY id LIMIT 1) RETURNING task",
+         WHERE id = (SELECT id FROM tasks WHERE token IS NULL AND due <= ? ORDER BY id LIMIT 1) RETURNING task, put_off",
     );
-    let task: Option<String> = query.bind(token.to_string()).bind(deadline).fetch_optional(&mut *c).await?;
-    let Some(task) = task else { return Ok(None) };
+    let task: Option<(String, u32)> = query.bind(token.to_string()).bind(deadline).bind(now).fetch_optional(&mut *c).await?;
+    let Some((task, put_off)) = task else { return Ok(None) };
     let task: Task = from_json("a task", &task)?;
     if let Task::Import(id) = task {
         scenes::mark_importing(c, id).await?;
     }
-    Ok(Some(TaskLease { token, task }))
+    Ok(Some(TaskLease { token, task, put_off }))
 }
 
 pub(super) async fn renew(c: &mut SqliteConnection, token: Token, deadline: UnixMillis) -> Result<bool, StoreError> {
     let query = sqlx::query("UPDATE tasks SET deadline = ? WHERE token = ?").bind(deadline).bind(token.to_string());
     Ok(query.execute(c).await?.rows_affected() > 0)
+}
+
+pub(super) async fn put_off(c: &mut SqliteConnection, token: Token, why: &str, due: UnixMillis) -> Result<bool, StoreError> {
+    let query = sqlx::query(
+        "UPDATE tasks SET token = NULL, deadline = NULL, tries = tries - 1, put_off = put_off + 1, due = ?, why = ? WHERE token = ?",
+    );
+    Ok(query.bind(due).bind(why).bind(token.to_string()).execute(c).await?.rows_affected() > 0)
 }
 
 pub(super) async fn take_over(c: &mut SqliteConnection, now: UnixMillis) -> Result<u64, StoreError> {
@@ -118,6 +130,9 @@ async fn settle(c: &mut SqliteConnection, task: Task, result: &TaskResult, now: 
             job::Event::Published
         }
         TaskResult::Failed(problem) => job::Event::Fail(problem.clone()),
+        // A job whose loss was noticed by another task first has recalled this one, which then never comes here.
+        TaskResult::Lost(phase, blob) if lost::lose(c, id, *phase, *blob, now).await? => return Ok(()),
+        TaskResult::Lost(_, blob) => job::Event::Fail(Problem { message: format!("the blob {blob} is gone"), file: None, line: None }),
         TaskResult::Imported { .. } | TaskResult::Rejected(_) => return Ok(()),
     };
     match jobs::happen(c, id, &event, now).await? {
