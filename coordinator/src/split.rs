@@ -14,7 +14,7 @@ use kiln_proto::{
     limits,
     plan::{PLAN_VERSION, Plan, PlannedTile, SurfacePlan},
     scene::{Scene, Surface},
-    settings::BakeSettings,
+    settings::{BakeSettings, Rule},
     texel::SurfaceRaster,
     tile::{Cell, TILE_SIDE},
 };
@@ -25,7 +25,7 @@ const CELLS_PER_THREAD: usize = 64;
 /// The plan of a job before its Probe phase, and what the user should know of it. `scene_hash` is the hash of the scene's canonical bytes.
 ///
 /// # Errors
-/// What [`unwrap::lay_out`] refuses, and layouts that cover no texel at all.
+/// What [`unwrap::lay_out`] refuses, layouts that cover no texel at all, and lossless glossy surfaces with more samples than a file addresses.
 pub fn make_plan(scene: &Scene, scene_hash: SceneHash, settings: &BakeSettings) -> Result<(Plan, Vec<Problem>), Problem> {
     let Layout { mut surfaces, mut warnings } = unwrap::lay_out(scene, settings)?;
     for (surface, plan) in scene.surfaces.iter().zip(&mut surfaces) {
@@ -35,6 +35,7 @@ pub fn make_plan(scene: &Scene, scene_hash: SceneHash, settings: &BakeSettings) 
             let message = format!("surface `{}` covers no texel centre of its {} texture: it gets no light field", surface.name, plan.size);
             warnings.push(Problem { message, file: None, line: None });
         }
+        warnings.extend(check_samples(scene, surface, plan, settings)?);
     }
     let plan =
         Plan { version: PLAN_VERSION, bake_version: BAKE_VERSION, scene: scene_hash, settings: settings.clone(), surfaces, probe: None };
@@ -43,6 +44,27 @@ pub fn make_plan(scene: &Scene, scene_hash: SceneHash, settings: &BakeSettings) 
         return Err(Problem { message, file: None, line: None });
     }
     Ok((plan, warnings))
+}
+
+/// Whether `.mtsp`, whose starting points have 32 bits, could address every sample of a surface. Else assembly may fail after hours of
+/// baking, so it is said now: a warning where the rule may drop samples, a refusal where it is lossless, since sampled gloss has no two
+/// segments alike. Light without gloss is the same toward every direction and keeps two samples a texel, which always fit.
+fn check_samples(scene: &Scene, surface: &Surface, plan: &SurfacePlan, settings: &BakeSettings) -> Result<Option<Problem>, Problem> {
+    let texels: u64 = plan.tiles.iter().map(|t| u64::from(t.covered) + u64::from(t.gutter)).sum();
+    let most = texels * u64::from(settings.directions.len());
+    if most <= u64::from(u32::MAX) || !scene.material(surface).is_specular() {
+        return Ok(None);
+    }
+    let (name, size, directions) = (&surface.name, plan.size, settings.directions);
+    let lossless = matches!(settings.rule, Rule::Bounded { eps: 0 } | Rule::Thesis { threshold: 0 } | Rule::Cumulative { threshold: 0 });
+    let outcome = if lossless { "and a lossless rule drops few" } else { "and the bake fails at its end if so many are kept" };
+    let message = format!(
+        "surface `{name}`: its {size} texture with {directions} directions has up to {most} samples, of which .mtsp can address {}, {outcome}; \
+         lower its texture size or the number of directions, or allow a larger error",
+        u32::MAX
+    );
+    let problem = Problem { message, file: None, line: None };
+    if lossless { Err(problem) } else { Ok(Some(problem)) }
 }
 
 /// The non-empty tiles of a surface in Morton order.

@@ -53,7 +53,7 @@ fn encoding_again_is_baking_again() {
         encode(&args).unwrap();
         let (baked, encoded) = (files(&baked), files(&encoded));
         assert!(baked.keys().eq(encoded.keys()));
-        assert_eq!(fs::read_dir(&at(&format!("encoded{k}"))).unwrap().count(), 3, "the staging folder is gone");
+        assert_eq!(fs::read_dir(at(&format!("encoded{k}"))).unwrap().count(), 3, "the staging folder is gone");
         let differing: Vec<_> = baked.iter().filter(|(name, bytes)| encoded[*name] != **bytes).map(|(name, _)| name).collect();
         assert!(differing.is_empty(), "{from} to {rule}: {differing:?}");
     }

@@ -47,7 +47,7 @@ struct Measured {
 }
 
 impl Measured {
-    fn add(mut self, other: Measured) -> Self {
+    fn add(mut self, other: &Measured) -> Self {
         self.errors.add(&other.errors);
         Self {
             texels: self.texels + other.texels,
@@ -100,7 +100,7 @@ fn measure(package: &Package, surface: usize) -> Result<(Measured, CodedFiles), 
     let (raster, order) = (package.raster(surface), package.order(surface));
     let tiles = &package.plan.surfaces[surface].tiles;
     let parts = tiles.par_iter().map(|tile| measure_tile(package, surface, *tile, (&raster, &order), &coded, raw.as_ref()));
-    Ok((parts.try_reduce(Measured::default, |a, b| Ok(a.add(b)))?, coded))
+    Ok((parts.try_reduce(Measured::default, |a, b| Ok(a.add(&b)))?, coded))
 }
 
 fn measure_tile(

@@ -81,3 +81,23 @@ fn a_plan_without_a_texel_is_refused_and_a_surface_without_one_is_named() {
     settings.texture_sizes.insert("light".into(), "1x1".parse().unwrap());
     assert!(make_plan(&scene, SceneHash::of(b""), &settings).unwrap_err().message.contains("texel_scale"));
 }
+
+/// 1,100 x 1,100 texels of 64 x 64 directions are more than 32 bits count, and only gloss keeps so many.
+#[test]
+fn more_samples_than_a_file_addresses_are_told_before_the_bake() {
+    let mut scene = scene("thesis-room", &["thesis.obj", "thesis.mtl"]);
+    scene.surfaces.retain(|s| s.name == "floor");
+    let material = scene.surfaces[0].material as usize;
+    let mut settings = nominal("thesis-room");
+    settings.directions = "64x64".parse().unwrap();
+    settings.texture_sizes = BTreeMap::from([("floor".to_owned(), "1100x1100".parse().unwrap())]);
+    let mut ask = |gloss: f32, rule| {
+        scene.materials[material].specular = kiln_proto::units::Rgb::splat(gloss);
+        settings.rule = rule;
+        make_plan(&scene, SceneHash::of(b""), &settings).map(|(_, warnings)| warnings.into_iter().map(|w| w.message).collect::<Vec<_>>())
+    };
+    let warned = ask(0.1, Rule::Bounded { eps: 2 }).unwrap();
+    assert!(warned.len() == 1 && warned[0].contains("`floor`") && warned[0].contains("4294967295"), "{warned:?}");
+    assert!(ask(0.1, Rule::Thesis { threshold: 0 }).unwrap_err().message.contains("lossless"));
+    assert_eq!(ask(0.0, Rule::Thesis { threshold: 0 }).unwrap(), Vec::<String>::new());
+}

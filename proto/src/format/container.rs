@@ -119,3 +119,122 @@ pub fn parse(bytes: &[u8]) -> Result<(Scene, Plan), ContainerError> {
         && scene.surfaces.iter().zip(&plan.surfaces).all(|(s, p)| s.triangles.len() == p.uv.len() && p.uv.len() == p.charts.len());
     if fits && Scene::hash_of(scene_bytes) == plan.scene { Ok((scene, plan)) } else { Err(ContainerError::Mismatch) }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        plan::{ChartSource, PLAN_VERSION, SurfacePlan},
+        scene::{Lobe, Material, SCENE_VERSION, Surface, Triangle},
+        settings::{SettingsPatch, TextureSize},
+        units::Rgb,
+    };
+    use proptest::prelude::*;
+
+    fn parts() -> (Vec<u8>, Plan) {
+        let triangle = Triangle { corners: [0, 1, 2], uv: None, polygon: 0 };
+        let material = Material {
+            name: "m".into(),
+            diffuse: Rgb::splat(0.5),
+            diffuse_texture: None,
+            specular: Rgb::BLACK,
+            lobe: Lobe::Mirror,
+            emission: Rgb::BLACK,
+            emission_texture: None,
+        };
+        let scene = Scene {
+            version: SCENE_VERSION,
+            positions: vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]],
+            surfaces: vec![Surface { name: "s".into(), file_stem: "s".into(), material: 0, triangles: vec![triangle] }],
+            materials: vec![material],
+            textures: vec![],
+        };
+        let layout = SurfacePlan {
+            size: TextureSize::new(4, 4).unwrap(),
+            source: ChartSource::Author,
+            uv: vec![[[0.0; 2], [1.0, 0.0], [0.0, 1.0]]],
+            charts: vec![0],
+            covered: 0,
+            tiles: vec![],
+        };
+        let scene = scene.to_bytes().unwrap();
+        let plan = Plan {
+            version: PLAN_VERSION,
+            bake_version: 1,
+            scene: Scene::hash_of(&scene),
+            settings: SettingsPatch::default().resolve().unwrap(),
+            surfaces: vec![layout],
+            probe: None,
+        };
+        (scene, plan)
+    }
+
+    fn file(scene: &[u8], plan: &Plan) -> Vec<u8> {
+        let plan = plan.to_bytes().unwrap();
+        [&header(scene, &plan)[..], scene, &plan].concat()
+    }
+
+    #[test]
+    fn the_header_of_version_1_never_changes() {
+        // The check value of CRC-32C: "123456789" gives e3069283.
+        let bytes = *b"KLNS\x01\0\0\0\x04\0\0\0\0\0\0\0\x05\0\0\0\0\0\0\0\x83\x92\x06\xe3\0\0\0\0";
+        assert_eq!(header(b"1234", b"56789"), bytes);
+        let whole = [&bytes[..], b"123456789"].concat();
+        assert_eq!(split(&whole).unwrap(), (&b"1234"[..], &b"56789"[..]));
+    }
+
+    #[test]
+    fn a_file_gives_back_scene_and_plan() {
+        let (scene, plan) = parts();
+        let parsed = parse(&file(&scene, &plan)).unwrap();
+        assert_eq!(parsed, (Scene::from_bytes(&scene).unwrap(), plan));
+    }
+
+    #[test]
+    fn every_shorter_file_and_a_longer_one_are_refused() {
+        let (scene, plan) = parts();
+        let mut bytes = file(&scene, &plan);
+        for length in 0..bytes.len() {
+            assert!(matches!(split(&bytes[..length]), Err(ContainerError::Length { found, .. }) if found == length as u64), "{length}");
+        }
+        bytes.push(0);
+        assert!(matches!(split(&bytes), Err(ContainerError::Length { .. })));
+    }
+
+    #[test]
+    fn lengths_above_the_limit_are_refused_before_they_are_used() {
+        let most = limits::SCENE_BYTES as u64;
+        for (at, what) in [(8, "scene"), (16, "plan")] {
+            for length in [most + 1, u64::MAX] {
+                let mut bytes = header(b"", b"");
+                bytes[at..at + 8].copy_from_slice(&length.to_le_bytes());
+                assert!(matches!(split(&bytes), Err(ContainerError::TooLarge { what: w, found }) if w == what && found == length));
+            }
+        }
+    }
+
+    #[test]
+    fn a_scene_and_a_plan_of_others_are_refused() {
+        let (scene, plan) = parts();
+        let refused = |change: &dyn Fn(&mut Plan)| {
+            let mut plan = plan.clone();
+            change(&mut plan);
+            matches!(parse(&file(&scene, &plan)), Err(ContainerError::Mismatch))
+        };
+        assert!(refused(&|p| p.scene = Scene::hash_of(b"another")));
+        assert!(refused(&|p| p.surfaces.clear()));
+        assert!(refused(&|p| p.surfaces[0].uv.clear()));
+        assert!(refused(&|p| p.surfaces[0].charts.push(0)));
+    }
+
+    proptest! {
+        #[test]
+        fn every_flipped_bit_is_an_error(at in any::<prop::sample::Index>(), bit in 0u8..8) {
+            let (scene, plan) = parts();
+            let mut bytes = file(&scene, &plan);
+            let at = at.index(bytes.len());
+            bytes[at] ^= 1 << bit;
+            prop_assert!(split(&bytes).is_err());
+        }
+    }
+}

@@ -1,7 +1,7 @@
-//! Files of a package: headers, the manifest, the hash, and a reference reader for surfaces in memory.
+//! Files of a package: headers, the manifest, the hash, and a small reader for surfaces in memory.
 //!
 //! A package is a folder: `manifest.json`, `scene.kiln` and the thesis's file set of every surface under `surfaces/`. Readers that stream
-//! (the command line, the page) use [`header`] and the layouts here; [`surface`] is the oracle that they are tested against.
+//! (the command line) use [`header`] and the checks of [`surface`], which also reads whole files in memory for small tools and tests.
 
 pub mod container;
 pub mod header;

@@ -1,7 +1,7 @@
-//! The reference reader: one surface's files in memory, decoded texel by texel.
+//! The small reader: one surface's files in memory, decoded texel by texel.
 //!
-//! It holds whole files, which tools for large packages do not; it is what they are compared with in tests, and all that a small reader
-//! needs.
+//! It holds whole files, which tools for large packages do not (they share its checks of headers); it is all that a small reader needs, and
+//! what the tests of assembly read packages with.
 
 use super::header::{BYTES, Header, HeaderError, Kind};
 use crate::codec::pwl::{self, BadRow, Kept, Order, Sample};

@@ -1,20 +1,54 @@
-//! Whether a segment is the one that was asked for. Its bytes come from a worker, and nothing that a worker says is believed: the plan
-//! knows the surface, the cell, the number of texels, the grid, the walk and the raw format of every tile.
+//! Whether a segment is the one that was asked for. Its bytes come from a worker, and what the plan knows is not asked of it: the surface,
+//! the cell, the number of covered and gutter texels, the grid, the walk and the raw format of every tile, and the shape and size of probe
+//! sums.
+//!
+//! Believed is what only baking again could tell: the light itself, that is kept samples, raw samples and probe sums within their bounds,
+//! and which texels of the cell the masks name. The error statistics are measured again ([`check`]) where raw samples came along, at the
+//! price of decoding the tile once; without them they are believed as far as they are possible and within the rule's bound.
 
-use super::{ProbeSegment, Segment, SegmentError, TileSegment, expect, field, raw_name};
+use super::{ProbeSegment, Raw, Segment, SegmentError, TileSegment, expect, field, raw_name};
 use crate::{
+    codec::pwl::{ErrorStats, Order, Sample, decode_row},
     plan::{PROBE_TILE_TEXELS, Plan, PlannedTile, SurfacePlan},
     settings::{RawFormat, Rule},
     tile::{TILE_SIDE, TileIndex},
+    units::radiance_to_byte,
     wire::message::Phase,
 };
 
-/// Checks bytes from outside: see [`open`].
+/// Checks bytes from outside: see [`open`]; and measures the errors again where raw samples came along. What was stored after that needs
+/// [`open`] alone.
 ///
 /// # Errors
-/// See [`open`].
+/// See [`open`]; also error statistics that are not those of the samples.
 pub fn check(bytes: &[u8], plan: &Plan, phase: Phase, tile: TileIndex) -> Result<(), SegmentError> {
-    open(bytes, plan, phase, tile).map(drop)
+    match open(bytes, plan, phase, tile)? {
+        Segment::Probe(_) => Ok(()),
+        Segment::Tile(found) => check_errors(&found, plan),
+    }
+}
+
+/// The worker coded the raw samples with the job's exposure and compared what it decoded; so does this.
+fn check_errors(found: &TileSegment, plan: &Plan) -> Result<(), SegmentError> {
+    let exposure = plan.probe.as_ref().map(|p| p.exposure).unwrap_or_default().factor();
+    let original: Vec<Sample> = match &found.raw {
+        Raw::None => return Ok(()),
+        Raw::U8(bytes) => bytes.as_chunks().0.to_vec(),
+        Raw::F32(values) => values.as_chunks::<3>().0.iter().map(|v| v.map(|c| radiance_to_byte(c, exposure))).collect(),
+    };
+    let order = Order::new(found.grid, found.walk);
+    let mut decoded = vec![Sample::default(); order.len()];
+    let mut errors = ErrorStats::default();
+    let texels = found.mask.texels().zip(found.rows.iter()).zip(original.chunks_exact(order.len()));
+    for (row, ((texel, kept), original)) in texels.enumerate() {
+        if texel.covered {
+            decode_row(kept, &order, &mut decoded)
+                .map_err(|_| SegmentError::Row { row, reason: "its kept samples do not lead through the walk" })?;
+            errors.measure(original, &decoded);
+        }
+    }
+    let told = |e: &ErrorStats| format!("{} at most, {} in all", e.max(), e.sum());
+    if errors == found.errors { Ok(()) } else { Err(field("error statistics", told(&found.errors), told(&errors))) }
 }
 
 /// Reads the segment of `tile` and checks that it is what the plan expects there: texels, directions, walk, raw format, probe sums of the
@@ -31,7 +65,7 @@ pub fn open(bytes: &[u8], plan: &Plan, phase: Phase, tile: TileIndex) -> Result<
     let segment = Segment::from_bytes(bytes)?;
     expect("tile", &segment.tile().0, &tile.0)?;
     match (&segment, phase) {
-        (Segment::Probe(probe), Phase::Probe) => check_probe(probe, plan)?,
+        (Segment::Probe(probe), Phase::Probe) => check_probe(probe, plan, tile)?,
         (Segment::Tile(found), Phase::Bake) => {
             let (surface, planned) = plan.locate(tile).ok_or_else(|| field("tile", tile.to_string(), "a tile of the plan"))?;
             expect("surface", &found.surface, &(surface as u32))?;
@@ -57,7 +91,7 @@ fn most_bytes(plan: &Plan, phase: Phase, tile: TileIndex) -> usize {
     }
 }
 
-fn check_probe(probe: &ProbeSegment, plan: &Plan) -> Result<(), SegmentError> {
+fn check_probe(probe: &ProbeSegment, plan: &Plan, tile: TileIndex) -> Result<(), SegmentError> {
     expect("directions", &probe.grid, &plan.settings.directions)?;
     if !probe.sums.fits(plan.surfaces.len()) {
         return Err(field("probe sums", "of another shape", format!("sums over {} surfaces", plan.surfaces.len())));
@@ -66,6 +100,23 @@ fn check_probe(probe: &ProbeSegment, plan: &Plan) -> Result<(), SegmentError> {
     let most = PROBE_TILE_TEXELS * u64::from(probe.grid.len());
     if counted > most {
         return Err(field("probe histogram", format!("{counted} values"), format!("at most {most}")));
+    }
+    check_variation(probe, plan, tile)
+}
+
+/// Only surfaces that the tile looks at vary, and none by so much that the sum over all tiles overflows: one worker must not be able to
+/// decide a walk that the others saw. Sums of
+/// real light are far below it.
+fn check_variation(probe: &ProbeSegment, plan: &Plan, tile: TileIndex) -> Result<(), SegmentError> {
+    let most = u64::MAX / plan.tile_count(Phase::Probe).max(1);
+    let mut first = 0;
+    for (surface, (layout, (phi, theta))) in plan.surfaces.iter().zip(&probe.sums.variation).enumerate() {
+        let own = first..first + layout.covered;
+        first = own.end;
+        let most = if plan.probe_ordinals(tile).any(|ordinal| own.contains(&ordinal)) { most } else { 0 };
+        if *phi.max(theta) > most {
+            return Err(field("probe variation", format!("{phi}, {theta} on surface {surface}"), format!("at most {most} there")));
+        }
     }
     Ok(())
 }

@@ -108,6 +108,45 @@ fn a_segment_of_something_else_is_refused_by_name() {
     assert!(check(&probe().to_bytes().unwrap(), &one, Phase::Probe, TileIndex(0)).unwrap_err().to_string().contains("probe sums"));
 }
 
+/// Raw samples of [`tile`] whose errors are those that it states: 2 levels in one channel of one sample.
+fn raw_samples() -> Vec<u8> {
+    [&[5, 6, 0, 6, 7, 0, 6, 7, 2, 7, 8, 0][..], &[9; 12]].concat()
+}
+
+#[test]
+fn errors_are_measured_again_where_raw_samples_came_along() {
+    let light = |bytes: Vec<u8>| Raw::F32(bytes.into_iter().map(|b| crate::units::byte_to_radiance(b, 1.0)).collect());
+    let ask = |raw: Raw| {
+        let format = raw.format();
+        check(&tile(raw).to_bytes().unwrap(), &plan(format), Phase::Bake, TileIndex(2)).map_err(|e| e.to_string())
+    };
+    assert_eq!(ask(Raw::U8(raw_samples())), Ok(()));
+    assert_eq!(ask(light(raw_samples())), Ok(()));
+    let mut other = raw_samples();
+    other[12] = 200; // gutter: not in the statistics
+    assert_eq!(ask(Raw::U8(other.clone())), Ok(()));
+    other[0] = 4;
+    for raw in [Raw::U8(other.clone()), light(other)] {
+        assert!(ask(raw).unwrap_err().contains("error statistics is 2 at most, 2 in all; expected 2 at most, 3 in all"));
+    }
+}
+
+#[test]
+fn probe_sums_beyond_what_the_tile_can_see_are_refused() {
+    let ask = |surface: usize, variation| {
+        let Segment::Probe(mut p) = probe() else { panic!("a probe") };
+        p.sums.variation[surface] = variation;
+        // All texels are the second surface's: two Probe tiles.
+        let mut plan = plan(None);
+        plan.surfaces[0].covered = 0;
+        plan.surfaces[1].covered = 100;
+        check(&Segment::Probe(p).to_bytes().unwrap(), &plan, Phase::Probe, TileIndex(0)).map_err(|e| e.to_string())
+    };
+    assert_eq!(ask(1, (u64::MAX / 2, 0)), Ok(()));
+    assert!(ask(1, (0, u64::MAX / 2 + 1)).unwrap_err().contains("probe variation"));
+    assert!(ask(0, (0, 1)).unwrap_err().contains("on surface 0; expected at most 0"));
+}
+
 /// Bytes with a right checksum and one thing wrong inside.
 fn forged(change: impl Fn(&mut Vec<u8>)) -> String {
     let mut bytes = tile(Raw::F32(vec![1.0; 24])).to_bytes().unwrap();
