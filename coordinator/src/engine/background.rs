@@ -1,8 +1,7 @@
 //! What happens without being asked for: tasks, expiry, forgetting, collecting garbage.
 
-use super::{core::Core, leases::note_failure, runner};
+use super::{core::Core, runner};
 use crate::records::UnixMillis;
-use kiln_proto::tile::TileRun;
 use std::{
     sync::{Arc, atomic::Ordering},
     time::{Duration, UNIX_EPOCH},
@@ -39,14 +38,6 @@ pub(super) async fn expire(core: &Core) {
         Ok(expiry) if expiry.attempts + expiry.tasks > 0 => {
             tracing::warn!(attempts = expiry.attempts, tasks = expiry.tasks, "expired; the work goes back");
             core.counters.attempts_expired.fetch_add(expiry.attempts, Ordering::Relaxed);
-            for row in expiry.barren {
-                let TileRun { start, end } = row.run;
-                let last = end.saturating_sub(1);
-                let text = format!("worker {} fell silent over tiles {start} to {last} of {} and delivered none", row.worker, row.phase);
-                if let Err(error) = note_failure(core, row.job, row.worker, true, text).await {
-                    tracing::error!(%error, "a failure could not be recorded");
-                }
-            }
             core.signals.work.notify_waiters();
             core.signals.tasks.notify_waiters();
         }

@@ -122,7 +122,7 @@ async fn refuse(core: &Core, token: Token, attempt: &AttemptRow, reason: String)
     if let Err(error) = fenced {
         return busy(error);
     }
-    if let Err(error) = note_failure(core, attempt.job, attempt.worker, false, text).await {
+    if let Err(error) = note_failure(core, attempt.job, text).await {
         return busy(error);
     }
     Refusal::Invalid { reason }
@@ -171,6 +171,6 @@ fn count(core: &Core, attempt: &AttemptRow, chunk: &NewChunk, row: &ChunkRow) {
     add(&counters.tiles_duplicate, chunk.tiles.len() as u64 - accepted - conflicts);
     if accepted > 0 {
         let cost = chunk.tiles.iter().filter(|t| row.accepted.contains(t.tile)).map(|t| t.cost).sum();
-        core.meter().accepted(attempt.job, attempt.worker, cost, core.now());
+        core.meter().accepted(attempt.job, cost, core.now());
     }
 }

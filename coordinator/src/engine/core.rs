@@ -112,12 +112,8 @@ impl Core {
 
     /// Workers that were heard lately; a waiting worker is silent for as long as it polls.
     pub(super) fn present_workers(&self) -> u64 {
-        self.meter().present(self.present_since())
-    }
-
-    /// Workers that were heard since this moment count as present.
-    pub(super) fn present_since(&self) -> UnixMillis {
-        self.now() - (self.config.lease.ttl_ms + self.config.lease.poll_ms) as i64
+        let silence = self.config.lease.ttl_ms + self.config.lease.poll_ms;
+        self.meter().present(self.now() - silence as i64)
     }
 
     /// Stores bytes as one zstd frame.

@@ -116,7 +116,7 @@ impl Engine {
     /// # Errors
     /// A failing store.
     pub async fn jobs(&self, filter: &JobFilter) -> Result<JobPage, EngineError> {
-        let limit = if filter.limit == 0 { 100 } else { filter.limit.min(1_000) };
+        let limit = if filter.limit == 0 { 100 } else { filter.limit.min(999) };
         // One more than asked for tells whether there is a next page.
         let mut rows = self.core.store.jobs(&JobFilter { limit: limit + 1, ..filter.clone() }).await?;
         let more = rows.len() > limit as usize;

@@ -82,15 +82,10 @@ impl Engine {
             if core.signals.is_stopping() {
                 return Ok(None);
             }
-            let now = self.now();
-            let (resting, open) = core.meter().resting(worker.id, now);
-            if let Some(grant) = try_grant(core, &worker, &resting).await.map_err(busy)? {
+            if let Some(grant) = try_grant(core, &worker).await.map_err(busy)? {
                 return Ok(Some(grant));
             }
-            // Nobody wakes a worker whose rest is over.
-            let rest = open.map(|at| tokio::time::Instant::now() + Duration::from_millis((at - now).max(1) as u64));
-            let woken = tokio::time::timeout_at(rest.map_or(until, |rest| rest.min(until)), woken).await;
-            if woken.is_err() && tokio::time::Instant::now() >= until {
+            if tokio::time::timeout_at(until, woken).await.is_err() {
                 return Ok(None);
             }
         }
@@ -151,22 +146,17 @@ impl Engine {
             let reason: String = failure.chars().take(limits::NAME_BYTES).collect();
             let TileRun { start, end } = row.run;
             let text = format!("worker {} gave up on tiles {start} to {} of {}: {reason}", row.worker, end.saturating_sub(1), row.phase);
-            note_failure(core, row.job, row.worker, false, text).await.map_err(busy)?;
+            note_failure(core, row.job, text).await.map_err(busy)?;
         }
         core.signals.job_changed(row.job);
         Ok(row.state)
     }
 }
 
-/// An attempt of a job failed; `silent` where its worker fell silent. A job at which all workers keep failing while no tile is accepted fails
-/// with the last reason.
-pub(super) async fn note_failure(core: &Core, job: JobId, worker: WorkerId, silent: bool, mut message: String) -> Result<(), EngineError> {
+/// An attempt of a job failed. A job whose attempts keep failing while no tile is accepted fails with the last reason.
+pub(super) async fn note_failure(core: &Core, job: JobId, message: String) -> Result<(), EngineError> {
     tracing::warn!(%job, message, "an attempt failed");
-    let now = core.now();
-    let hopeless = core.meter().failed(job, worker, silent, now, core.present_since());
-    if hopeless {
-        message = format!("no worker can bake it: attempt after attempt fails and no tile comes; the last one: {message}");
-    }
+    let hopeless = core.meter().failed(job);
     let problem = Problem { message, file: None, line: None };
     if hopeless {
         // It may have ended meanwhile; then there is nothing left to fail.
@@ -179,10 +169,10 @@ pub(super) async fn note_failure(core: &Core, job: JobId, worker: WorkerId, sile
     Ok(())
 }
 
-async fn try_grant(core: &Core, worker: &WorkerRecord, resting: &[JobId]) -> Result<Option<LeaseGrant>, EngineError> {
+async fn try_grant(core: &Core, worker: &WorkerRecord) -> Result<Option<LeaseGrant>, EngineError> {
     let _one = core.leasing.lock().await;
     // Another coordinator on the same store may be quicker; what it left is looked at again.
-    while let Some(candidate) = core.store.next_work(worker.bake_version, resting).await? {
+    while let Some(candidate) = core.store.next_work(worker.bake_version).await? {
         let now = core.now();
         let lease = &core.config.lease;
         let grant = Grant {

@@ -15,8 +15,7 @@ impl Engine {
     /// # Errors
     /// [`EngineError::NotFound`], and [`EngineError::Conflict`] before the job is done.
     pub async fn package(&self, job: JobId) -> Result<Vec<PackageFile>, EngineError> {
-        self.published(job).await?;
-        Ok(self.core.store.package(job).await?.into_iter().map(|stored| stored.file).collect())
+        Ok(self.published(job).await?.into_iter().map(|stored| stored.file).collect())
     }
 
     /// One file of a finished job's package: its description, to decide on ETag and Range.
@@ -47,16 +46,11 @@ impl Engine {
     }
 
     async fn stored_file(&self, job: JobId, path: &str) -> Result<StoredPackageFile, EngineError> {
-        self.published(job).await?;
-        self.core
-            .store
-            .package_file(job, path)
-            .await?
-            .ok_or_else(|| EngineError::NotFound { what: "package file", id: path.chars().take(200).collect() })
+        let found = self.published(job).await?.into_iter().find(|stored| stored.file.path == path);
+        found.ok_or_else(|| EngineError::NotFound { what: "package file", id: path.chars().take(200).collect() })
     }
 
-    /// Whether the job is done, and so has a package.
-    async fn published(&self, job: JobId) -> Result<(), EngineError> {
+    async fn published(&self, job: JobId) -> Result<Vec<StoredPackageFile>, EngineError> {
         let row = self.core.store.job(job).await?.ok_or_else(|| EngineError::NotFound { what: "job", id: job.to_string() })?;
         if row.state != Job::Done {
             return Err(EngineError::Conflict {
@@ -65,6 +59,6 @@ impl Engine {
                 needed: "its package exists when it is done".into(),
             });
         }
-        Ok(())
+        Ok(self.core.store.package(job).await?)
     }
 }

@@ -21,6 +21,8 @@ pub(super) struct Signals {
     pub(super) tasks: Notify,
     /// Scenes may have changed.
     pub(super) scenes: Notify,
+    /// The engine stops.
+    pub(super) stop: Notify,
     stopping: AtomicBool,
     jobs: Mutex<HashMap<JobId, watch::Sender<()>>>,
 }
@@ -55,6 +57,7 @@ impl Signals {
     /// Wakes everyone for the last time.
     pub(super) fn stop(&self) {
         self.stopping.store(true, Ordering::SeqCst);
+        self.stop.notify_waiters();
         self.work.notify_waiters();
         self.tasks.notify_waiters();
         self.scenes.notify_waiters();

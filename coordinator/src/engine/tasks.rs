@@ -95,7 +95,7 @@ pub(super) async fn prepare(core: &Arc<Core>, id: JobId) -> Result<TaskResult, E
         Ok(planned) => planned,
         Err(problem) => return Ok(TaskResult::Failed(problem)),
     };
-    space::require(core, &plan, &row.spec.settings).await?;
+    space::require(&core.config, &plan, &row.spec.settings)?;
     let (tiles, texels, surfaces) = (plan.tile_count(Phase::Probe), plan.covered(), plan.surfaces.len());
     if tiles == 0 || plan.tile_count(Phase::Bake) == 0 {
         let message = "no texel of any surface is covered; raise texels_per_metre or give texture_sizes".into();

@@ -95,9 +95,8 @@ pub trait Store: Send + Sync + 'static {
     /// Workers heard since a moment, youngest first, with the job that each bakes.
     async fn workers(&self, since: UnixMillis) -> Result<Vec<WorkerRecord>, StoreError>;
 
-    /// The tiles that should be leased next: highest priority, then oldest job, then lowest tile, but none of the jobs
-    /// `except`. `None` means that nothing waits.
-    async fn next_work(&self, bake_version: u32, except: &[JobId]) -> Result<Option<Candidate>, StoreError>;
+    /// The tiles that should be leased next: highest priority, then oldest job, then lowest tile. `None` means that nothing waits.
+    async fn next_work(&self, bake_version: u32) -> Result<Option<Candidate>, StoreError>;
 
     /// Records a lease, if its tiles are still pending. Whether they were.
     async fn grant(&self, grant: &Grant, now: UnixMillis) -> Result<bool, StoreError>;
@@ -144,9 +143,6 @@ pub trait Store: Send + Sync + 'static {
 
     /// Files of a job's package so far, by path.
     async fn package(&self, job: JobId) -> Result<Vec<StoredPackageFile>, StoreError>;
-
-    /// One file of a job's package.
-    async fn package_file(&self, job: JobId, path: &str) -> Result<Option<StoredPackageFile>, StoreError>;
 
     /// Lets attempts and tasks expire whose time has come.
     async fn expire(&self, now: UnixMillis) -> Result<Expiry, StoreError>;

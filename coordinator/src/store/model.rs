@@ -102,7 +102,7 @@ pub struct JobFilter {
     pub label: Option<(String, String)>,
     /// Only jobs older than this one: the last of the page before.
     pub cursor: Option<JobId>,
-    /// At most this many; 0 means 100, and never more than 1,000 for callers of the engine, which asks for one more.
+    /// At most this many; 0 means 100, and never more than 1,000.
     pub limit: u32,
 }
 
@@ -342,12 +342,10 @@ pub struct Contribution {
 }
 
 /// What a look at the clock changed.
-#[derive(Debug, Clone, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Expiry {
     /// Attempts that expired.
     pub attempts: u64,
-    /// Those among them that had delivered nothing.
-    pub barren: Vec<AttemptRow>,
     /// Tasks that went back to the queue.
     pub tasks: u64,
 }

@@ -37,8 +37,6 @@ async fn bad_chunks_are_refused_and_cost_the_attempt() {
         ("claims", |_, g| forged(g, |e| e.plain_length = u64::MAX)),
     ];
     for (reason, spoil) in spoiled {
-        // Each time another one: a worker whose chunk was refused gets nothing for a while.
-        let worker = Worker::join(&engine, reason).await;
         let grant = worker.lease().await;
         let Err(Refusal::Invalid { reason: said }) = worker.put(grant.token, 0, &spoil(whole(&grant), &grant)).await else {
             panic!("accepted: {reason}")

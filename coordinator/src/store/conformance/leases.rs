@@ -12,17 +12,16 @@ const BEAT: Heartbeat = Heartbeat { texels_done: 0, rays: 5 };
 
 pub(super) async fn a_run_is_granted_once(store: &dyn Store) {
     let scene = ready_scene(store).await;
-    assert_eq!(store.next_work(1, &[]).await.unwrap(), None);
+    assert_eq!(store.next_work(1).await.unwrap(), None);
     let job = probing(store, scene, SHARD_TILES + 10, 0).await;
-    assert_eq!(store.next_work(2, &[]).await.unwrap(), None, "workers of another bake version get nothing");
-    let first = store.next_work(1, &[]).await.unwrap().unwrap();
-    assert_eq!(store.next_work(1, &[first.job]).await.unwrap(), None, "a worker that failed at it gets nothing of it");
+    assert_eq!(store.next_work(2).await.unwrap(), None, "workers of another bake version get nothing");
+    let first = store.next_work(1).await.unwrap().unwrap();
     assert_eq!((first.job, first.run, first.pending), (job, TileRun { start: 0, end: SHARD_TILES }, SHARD_TILES + 10));
     let lease = grant(job, 0, 4, NOW);
     assert!(store.grant(&lease, NOW).await.unwrap());
     assert!(!store.grant(&grant(job, 0, 4, NOW), NOW).await.unwrap(), "taken");
     assert!(!store.grant(&grant(job, SHARD_TILES, SHARD_TILES + 11, NOW), NOW).await.unwrap(), "beyond the phase");
-    assert_eq!(store.next_work(1, &[]).await.unwrap().unwrap().run.start, 4);
+    assert_eq!(store.next_work(1).await.unwrap().unwrap().run.start, 4);
     let row = store.attempt(lease.token).await.unwrap().unwrap();
     assert_eq!((row.run, row.worker, row.granted_ms), (lease.run, lease.worker, NOW));
     let figures = store.figures().await.unwrap();
@@ -35,11 +34,11 @@ pub(super) async fn priority_then_age_decides(store: &dyn Store) {
     let young = probing(store, scene, 1, 0).await;
     let urgent = probing(store, scene, 1, 5).await;
     for expected in [urgent, old, young] {
-        let next = store.next_work(1, &[]).await.unwrap().unwrap();
+        let next = store.next_work(1).await.unwrap().unwrap();
         assert_eq!(next.job, expected);
         assert!(store.grant(&grant(next.job, 0, 1, NOW), NOW).await.unwrap());
     }
-    assert_eq!(store.next_work(1, &[]).await.unwrap(), None);
+    assert_eq!(store.next_work(1).await.unwrap(), None);
 }
 
 pub(super) async fn expiry_returns_what_is_owed_and_takes_late_chunks(store: &dyn Store) {
@@ -52,10 +51,10 @@ pub(super) async fn expiry_returns_what_is_owed_and_takes_late_chunks(store: &dy
     assert_eq!(store.expire(NOW + 149).await.unwrap().attempts, 0, "the heartbeat moved the deadline");
     assert_eq!(store.expire(NOW + 150).await.unwrap().attempts, 1);
     assert!(store.heartbeat(lease.token, &BEAT, 100, NOW + 151).await.unwrap().is_none());
-    assert_eq!(store.next_work(1, &[]).await.unwrap().unwrap().pending, 5);
+    assert_eq!(store.next_work(1).await.unwrap().unwrap().pending, 5);
     let late = store.record_chunk(&chunk(lease.token, 1, &[2, 3], ""), &BTreeMap::new(), NOW + 160).await.unwrap();
     assert!(matches!(late, ChunkOutcome::Recorded(row) if row.accepted.len() == 2));
-    assert_eq!(store.next_work(1, &[]).await.unwrap().unwrap().pending, 3);
+    assert_eq!(store.next_work(1).await.unwrap().unwrap().pending, 3);
     let finished = store.finish_attempt(lease.token, LeaseEvent::Complete, None, NOW + 170).await.unwrap();
     assert_eq!(finished, FinishOutcome::Gone("expired".into()));
     assert_eq!(store.job(job).await.unwrap().unwrap().rays, 5, "what the lost worker said of itself is kept");
@@ -84,7 +83,7 @@ pub(super) async fn a_repeated_chunk_changes_nothing(store: &dyn Store) {
     assert_eq!((sorted(&same).await, sorted(&other).await), ((0, 0), (0, 2)));
     let finished = store.finish_attempt(lease.token, LeaseEvent::Complete, None, NOW).await.unwrap();
     assert!(matches!(finished, FinishOutcome::Finished(row) if row.state == Attempt::Released), "tile 2 is owed");
-    assert_eq!(store.next_work(1, &[]).await.unwrap().unwrap().run, TileRun { start: 2, end: 3 });
+    assert_eq!(store.next_work(1).await.unwrap().unwrap().run, TileRun { start: 2, end: 3 });
     let refused = store.record_chunk(&chunk(lease.token, 3, &[2], ""), &none, NOW).await.unwrap();
     assert_eq!(refused, ChunkOutcome::Gone("released".into()));
 }
@@ -120,7 +119,7 @@ pub(super) async fn the_end_of_a_job_ends_its_leases(store: &dyn Store) {
     assert!(store.grant(&held, NOW).await.unwrap() && store.grant(&expired, NOW).await.unwrap());
     assert_eq!(store.expire(NOW + 60).await.unwrap().attempts, 1);
     store.job_event(job, &crate::job::Event::Cancel, NOW + 61).await.unwrap().unwrap().unwrap();
-    assert_eq!(store.next_work(1, &[]).await.unwrap(), None);
+    assert_eq!(store.next_work(1).await.unwrap(), None);
     assert!(store.heartbeat(held.token, &BEAT, 100, NOW + 62).await.unwrap().is_none());
     for token in [held.token, expired.token] {
         let outcome = store.record_chunk(&chunk(token, 0, &[0], ""), &BTreeMap::new(), NOW + 63).await.unwrap();

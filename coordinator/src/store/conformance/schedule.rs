@@ -26,7 +26,7 @@ pub(super) async fn random_schedules_agree_with_the_oracle(store: &dyn Store) {
             store.expire(now).await.unwrap();
             match roll(&mut dice, 4) {
                 0 => {
-                    let Some(next) = store.next_work(1, &[]).await.unwrap() else { continue };
+                    let Some(next) = store.next_work(1).await.unwrap() else { continue };
                     let end = next.run.end.min(next.run.start + 1 + roll(&mut dice, 5));
                     let lease = grant(job, next.run.start, end, now);
                     assert!(store.grant(&lease, now).await.unwrap(), "seed {seed}");

@@ -158,21 +158,17 @@ pub(super) async fn fence_all(c: &mut SqliteConnection, job: JobId, now: UnixMil
     Ok(())
 }
 
-pub(super) async fn expire(c: &mut SqliteConnection, now: UnixMillis) -> Result<(u64, Vec<AttemptRow>), StoreError> {
+pub(super) async fn expire(c: &mut SqliteConnection, now: UnixMillis) -> Result<u64, StoreError> {
     let query = sqlx::query_scalar("SELECT token FROM attempts WHERE state = 'held' AND (deadline <= ? OR cap <= ?)");
     let due: Vec<String> = query.bind(now).bind(now).fetch_all(&mut *c).await?;
-    let (mut expired, mut barren) = (0, vec![]);
+    let mut expired = 0;
     for token in due {
         let token = parse("a token", &token)?;
         let Some(mut row) = get(c, token).await? else { continue };
-        let delivered = matches!(&row.state, Attempt::Held { remaining, .. } if remaining.len() < row.run.len());
         if happen(c, token, &mut row, lease::Event::Tick, now).await?.is_ok() && row.state == Attempt::Expired {
             workers::contribute(c, token, &row, None, now).await?;
             expired += 1;
-            if !delivered {
-                barren.push(row);
-            }
         }
     }
-    Ok((expired, barren))
+    Ok(expired)
 }

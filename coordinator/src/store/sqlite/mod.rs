@@ -214,8 +214,8 @@ impl Store for SqliteStore {
         workers::list(&mut *self.read().await?, since).await
     }
 
-    async fn next_work(&self, bake_version: u32, except: &[JobId]) -> Result<Option<Candidate>, StoreError> {
-        shards::next_work(&mut *self.read().await?, bake_version, except).await
+    async fn next_work(&self, bake_version: u32) -> Result<Option<Candidate>, StoreError> {
+        shards::next_work(&mut *self.read().await?, bake_version).await
     }
 
     async fn grant(&self, grant: &Grant, now: UnixMillis) -> Result<bool, StoreError> {
@@ -290,16 +290,9 @@ impl Store for SqliteStore {
         packages::files(&mut *self.read().await?, job).await
     }
 
-    async fn package_file(&self, job: JobId, path: &str) -> Result<Option<StoredPackageFile>, StoreError> {
-        packages::file(&mut *self.read().await?, job, path).await
-    }
-
     async fn expire(&self, now: UnixMillis) -> Result<Expiry, StoreError> {
         let mut tx = self.write().await?;
-        let expiry = {
-            let (attempts, barren) = attempts::expire(&mut tx, now).await?;
-            Expiry { attempts, barren, tasks: tasks::expire(&mut tx, now).await? }
-        };
+        let expiry = Expiry { attempts: attempts::expire(&mut tx, now).await?, tasks: tasks::expire(&mut tx, now).await? };
         tx.commit().await?;
         Ok(expiry)
     }

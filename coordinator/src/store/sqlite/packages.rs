@@ -41,22 +41,16 @@ pub(super) async fn add_files(c: &mut SqliteConnection, job: JobId, files: &[Sto
     Ok(())
 }
 
-fn one(row: &SqliteRow) -> Result<StoredPackageFile, StoreError> {
-    let file = PackageFile {
-        path: row.try_get("path")?,
-        media_type: row.try_get("media_type")?,
-        bytes: count(row.try_get("bytes")?),
-        sha256: row.try_get("sha256")?,
-    };
-    Ok(StoredPackageFile { file, blob: parse("a blob name", &row.try_get::<String, _>("blob")?)? })
-}
-
-pub(super) async fn file(c: &mut SqliteConnection, job: JobId, path: &str) -> Result<Option<StoredPackageFile>, StoreError> {
-    let query = sqlx::query("SELECT * FROM package_files WHERE job = ? AND path = ?").bind(job.to_string()).bind(path.to_owned());
-    query.fetch_optional(c).await?.as_ref().map(one).transpose()
-}
-
 pub(super) async fn files(c: &mut SqliteConnection, job: JobId) -> Result<Vec<StoredPackageFile>, StoreError> {
+    let one = |row: &SqliteRow| {
+        let file = PackageFile {
+            path: row.try_get("path")?,
+            media_type: row.try_get("media_type")?,
+            bytes: count(row.try_get("bytes")?),
+            sha256: row.try_get("sha256")?,
+        };
+        Ok(StoredPackageFile { file, blob: parse("a blob name", &row.try_get::<String, _>("blob")?)? })
+    };
     let query = sqlx::query("SELECT * FROM package_files WHERE job = ? ORDER BY path").bind(job.to_string());
     query.fetch_all(c).await?.iter().map(one).collect()
 }

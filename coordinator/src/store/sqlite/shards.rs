@@ -1,6 +1,6 @@
 //! Shards of phases: rows around [`Shard`].
 
-use super::rows::{count, int, json, parse, phase as parse_phase, runs, runs_text};
+use super::rows::{count, int, parse, phase as parse_phase, runs, runs_text};
 use crate::{
     lease::{SHARD_TILES, Shard},
     store::{Candidate, PlanRef, StoreError},
@@ -41,17 +41,16 @@ pub(super) async fn give_back(c: &mut SqliteConnection, job: JobId, phase: Phase
     save(c, job, phase, index, &shard).await
 }
 
-pub(super) async fn next_work(c: &mut SqliteConnection, bake_version: u32, except: &[JobId]) -> Result<Option<Candidate>, StoreError> {
+pub(super) async fn next_work(c: &mut SqliteConnection, bake_version: u32) -> Result<Option<Candidate>, StoreError> {
     // The join order is fixed (CROSS JOIN): a few baking jobs, then the partial index over their shards that have something waiting.
     let query = sqlx::query_as(
         "SELECT j.id, s.phase, j.scene_hash, j.plan, j.plan_blob, s.pending
          FROM jobs j CROSS JOIN shards s ON s.job = j.id AND s.waiting > 0
-         WHERE j.public = 'baking' AND j.bake_version = ? AND j.id NOT IN (SELECT value FROM json_each(?))
+         WHERE j.public = 'baking' AND j.bake_version = ?
          ORDER BY j.priority DESC, j.id, s.phase, s.shard LIMIT 1",
     );
-    let except = json(&except.iter().map(ToString::to_string).collect::<Vec<_>>())?;
     type Found = (String, String, String, String, String, String);
-    let found: Option<Found> = query.bind(bake_version).bind(except).fetch_optional(&mut *c).await?;
+    let found: Option<Found> = query.bind(bake_version).fetch_optional(&mut *c).await?;
     let Some((job, phase, scene, plan, plan_blob, pending)) = found else { return Ok(None) };
     let Some(run) = runs(&pending)?.runs().first().copied() else { return Ok(None) };
     let waiting: i64 = sqlx::query_scalar("SELECT SUM(waiting) FROM shards WHERE job = ? AND phase = ? AND waiting > 0")
