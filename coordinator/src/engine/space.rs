@@ -18,8 +18,8 @@ pub(super) fn free(path: &Path) -> Result<u64, EngineError> {
     Ok(found.f_bavail.saturating_mul(found.f_frsize))
 }
 
-/// Bytes that a job is likely to take, segments and package together. Measured on the thesis's room, half of all samples are kept; a kept
-/// sample takes 4 bytes in the package and about 3 in a compressed segment. Raw radiance hardly compresses.
+/// Bytes that a job is expected to write. Half of all samples are taken to be kept, at 4 bytes in the package and about 3 in a compressed
+/// segment (the thesis's room at nominal sizes keeps a sixth with eps = 2, its noisiest surface a third); raw radiance hardly compresses.
 pub(super) fn expected(plan: &Plan, settings: &BakeSettings) -> u64 {
     let texels: u64 = plan.surfaces.iter().map(|s| s.size.texels()).sum();
     let baked: u64 = plan.surfaces.iter().flat_map(|s| &s.tiles).map(|t| u64::from(t.covered) + u64::from(t.gutter)).sum();

@@ -24,7 +24,7 @@ async fn a_scene_becomes_a_package() {
     let expected: Vec<u8> = (0..floor.len() as u64 / 16).flat_map(|t| segment(Phase::Bake, t, 0.5)).collect();
     assert_eq!(floor, expected);
     // 0.25 everywhere: two stops.
-    assert!(String::from_utf8(engine.manifest(job.id).await.unwrap().to_vec()).unwrap().contains(r#""exposure":16"#));
+    assert!(String::from_utf8(engine.manifest(job.id).await.unwrap().to_vec()).unwrap().contains(r#""exposure":15"#));
     let part = engine.read_package_file(job.id, "surfaces/floor.toy", Some(0..3)).await.unwrap();
     assert_eq!(part.length, 3);
 
