@@ -1,7 +1,7 @@
 //! `kiln serve`: the service.
 
 use crate::{
-    error::CommandError,
+    error::{CommandError, chain},
     host::{Host, asked_to_stop},
 };
 use clap::Args;
@@ -60,8 +60,7 @@ impl ServeArgs {
 /// Reads and checks a configuration file.
 pub fn read_config(path: &Path) -> Result<Config, CommandError> {
     let name = path.display();
-    let text = std::fs::read_to_string(path).map_err(|e| CommandError::usage(format!("configuration {name}: {e}")))?;
-    let config: Config = toml::from_str(&text).map_err(|e| CommandError::usage(format!("configuration {name}: {e}")))?;
+    let config = Config::read(path).map_err(|e| CommandError::usage(chain(&e)))?;
     let problems = config.check();
     if problems.is_empty() {
         return Ok(config);

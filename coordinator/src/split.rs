@@ -96,45 +96,5 @@ fn count(raster: &SurfaceRaster, cell: Cell) -> Option<PlannedTile> {
     (!rows.is_empty()).then(|| PlannedTile { cell, covered, gutter: rows.len() as u16 - covered })
 }
 
-/// What a plan will cost.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Estimate {
-    /// Surfaces with at least one covered texel.
-    pub surfaces: u64,
-    /// Texels of all textures, covered or not.
-    pub texels: u64,
-    /// Covered texels: those with light of their own.
-    pub covered: u64,
-    /// Gutter texels, which borrow light (and are baked again by each tile that holds one).
-    pub gutter: u64,
-    /// Tiles of the Bake phase.
-    pub tiles: u64,
-    /// Directions per texel.
-    pub directions: u64,
-    /// Bytes of the uncompressed textures at 8 bits a channel: texels x directions x 3.
-    pub raw_bytes: u64,
-    /// Paths traced for all covered and gutter texels of the Bake phase.
-    pub paths: u64,
-}
-
-/// Sums up a plan without baking it.
-#[must_use]
-pub fn estimate(plan: &Plan) -> Estimate {
-    let tiles = || plan.surfaces.iter().flat_map(|s| &s.tiles);
-    let texels = plan.surfaces.iter().map(|s| s.size.texels()).sum();
-    let (covered, gutter) = (plan.covered(), tiles().map(|t| u64::from(t.gutter)).sum());
-    let directions = u64::from(plan.settings.directions.len());
-    Estimate {
-        surfaces: plan.surfaces.iter().filter(|s| s.covered > 0).count() as u64,
-        texels,
-        covered,
-        gutter,
-        tiles: tiles().count() as u64,
-        directions,
-        raw_bytes: texels * directions * 3,
-        paths: (covered + gutter) * u64::from(plan.settings.samples),
-    }
-}
-
 #[cfg(test)]
 mod tests;

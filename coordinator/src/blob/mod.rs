@@ -75,7 +75,7 @@ impl BlobError {
     /// Whether a file could not be written because the disk, or this user's part of it, is full.
     #[must_use]
     pub fn no_room(source: &std::io::Error) -> bool {
-        matches!(source.kind(), std::io::ErrorKind::StorageFull | std::io::ErrorKind::QuotaExceeded)
+        matches!(source.kind(), std::io::ErrorKind::StorageFull | std::io::ErrorKind::QuotaExceeded | std::io::ErrorKind::FileTooLarge)
     }
 }
 

@@ -16,6 +16,9 @@ fn not_found(job: JobId) -> EngineError {
     EngineError::NotFound { what: "job", id: job.to_string() }
 }
 
+/// Jobs in one answer, at most.
+const PAGE: u32 = 1_000;
+
 impl Engine {
     /// Creates a job. Its scene may still be importing.
     ///
@@ -95,7 +98,8 @@ impl Engine {
 
     /// Seconds to expect with the workers connected now: an order of magnitude, good enough to tell minutes from days.
     async fn seconds(&self, plan: &Plan, settings: &BakeSettings) -> Result<Option<f64>, EngineError> {
-        const PATHS_PER_SECOND: f64 = 250_000.0;
+        // Measured on the thesis's room at depth 5: 460 million incident paths, gather and encoding included, in 350 core-seconds.
+        const PATHS_PER_SECOND: f64 = 1_300_000.0;
         let since = self.now() - (self.core.config.lease.ttl_ms + self.core.config.lease.poll_ms) as i64;
         let threads: u64 = self.core.store.workers(since).await?.iter().map(|w| u64::from(w.threads)).sum();
         let paths = plan.covered() as f64 * f64::from(settings.samples);
@@ -116,7 +120,7 @@ impl Engine {
     /// # Errors
     /// A failing store.
     pub async fn jobs(&self, filter: &JobFilter) -> Result<JobPage, EngineError> {
-        let limit = if filter.limit == 0 { 100 } else { filter.limit.min(999) };
+        let limit = if filter.limit == 0 { 100 } else { filter.limit.min(PAGE) };
         // One more than asked for tells whether there is a next page.
         let mut rows = self.core.store.jobs(&JobFilter { limit: limit + 1, ..filter.clone() }).await?;
         let more = rows.len() > limit as usize;

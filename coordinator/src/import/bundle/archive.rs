@@ -1,4 +1,4 @@
-//! Bundles as ZIP archives: unpacked with every promise of the archive checked by counting, packed without times.
+//! Bundles as ZIP archives: unpacked with every promise of the archive checked by counting.
 //!
 //! A ZIP's directory may claim anything: a million entries, names with `..`, links, sizes that inflate a thousandfold. Entries are
 //! counted before the directory is parsed, each is inflated through a reader that stops at what is left of the budget, and nothing is
@@ -10,10 +10,10 @@ use kiln_proto::limits;
 use std::{
     collections::BTreeMap,
     fs::File,
-    io::{self, Read, Seek, SeekFrom, Write},
+    io::{self, Read, Seek, SeekFrom},
     path::Path,
 };
-use zip::{CompressionMethod, ZipArchive, ZipWriter, read::ZipFile, result::ZipError, write::SimpleFileOptions};
+use zip::{ZipArchive, read::ZipFile, result::ZipError};
 
 /// Bytes behind which the end-of-directory record of a ZIP cannot begin: 22 of its own and a comment of 65,535.
 const END_SPAN: u64 = 22 + 65_535;
@@ -43,27 +43,6 @@ impl Bundle {
             }
         }
         Self::new(files, choice, Some(folder))
-    }
-
-    /// Writes the bundle as a ZIP that [`Bundle::from_zip`] reads back with the same main file: equal bundles give equal bytes.
-    ///
-    /// # Errors
-    /// Files that cannot be read, and what the writer answers.
-    pub fn pack(&self, writer: impl Write + Seek) -> io::Result<()> {
-        let mut zip = ZipWriter::new(writer);
-        let options = SimpleFileOptions::default().compression_method(CompressionMethod::Deflated);
-        // Other scenes cannot be referred to by the main one, and would make it ambiguous.
-        let is_other_scene = |p: &BundlePath| p != self.main() && super::format::extension(p.as_str()) == "obj";
-        for (path, content) in self.files().filter(|(p, _)| !is_other_scene(p)) {
-            zip.start_file(path.as_str(), options)?;
-            match content {
-                Content::Bytes(bytes) => zip.write_all(bytes)?,
-                Content::File(local) => {
-                    io::copy(&mut File::open(local)?, &mut zip)?;
-                }
-            }
-        }
-        zip.finish()?.flush()
     }
 }
 

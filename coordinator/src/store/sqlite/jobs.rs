@@ -173,7 +173,7 @@ pub(super) async fn list(c: &mut SqliteConnection, filter: &JobFilter) -> Result
     if let Some(cursor) = filter.cursor {
         query.push(" AND id < ").push_bind(cursor.to_string());
     }
-    let limit = if filter.limit == 0 { 100 } else { filter.limit.min(1_000) };
+    let limit = if filter.limit == 0 { 100 } else { filter.limit };
     query.push(" ORDER BY id DESC LIMIT ").push_bind(limit);
     query.build().fetch_all(c).await?.iter().map(row).collect()
 }
