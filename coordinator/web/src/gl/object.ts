@@ -46,6 +46,12 @@ export class LightFieldObject extends Group {
     this.add(...this.surfaces.map((view) => view.group));
   }
 
+  /** Bytes that {@link prepare} would take. */
+  plannedBytes({ scheme, budget }: Pick<PrepareOptions, 'scheme' | 'budget'>): number {
+    const costs = this.surfaces.map((view) => view.costs());
+    return fitBudget(costs, budget, scheme).reduce((sum, chosen, i) => sum + (costs[i][chosen] ?? 0), 0);
+  }
+
   /** Lays out and fills the textures. Resolves when all is on the GPU; what is not there yet is drawn as a draft. */
   async prepare({ scheme, budget, changed }: PrepareOptions): Promise<void> {
     const schemes = fitBudget(this.surfaces.map((view) => view.costs()), budget, scheme);

@@ -13,7 +13,7 @@ import { errorProgram } from './shaders.ts';
 /** sRGB of what lies behind the scene; `kiln render` has the same. */
 export const BACKGROUND = 0x202428;
 /** Levels at the end of the error scale. */
-export const ERROR_RANGE = 16;
+export const ERROR_RANGE = 8;
 
 export class Painter {
   private readonly renderer: WebGLRenderer;
