@@ -233,6 +233,8 @@ export class SurfaceView {
     for (const layers of rawLayers(file, this.surface, directions, BLOCK_BYTES)) {
       writeLayers(renderer, target.held.texture, target.layout, this.surface.plan, directions, layers);
       each();
+      // A breath between bands: the view must not freeze while hundreds of megabytes are sorted.
+      await new Promise((resolve) => setTimeout(resolve));
     }
   }
 
