@@ -64,8 +64,11 @@ export class LiveFeed {
   private showPackage(): void {
     this.stop();
     const { viewer } = this;
-    const camera = viewer.model ? viewer.getCamera() : null;
-    if (camera) viewer.addEventListener('load', () => viewer.setCamera(camera.eye, camera.target, camera.fieldOfView), { once: true });
+    if (viewer.model) {
+      // A camera that was placed stays where it is; one that was not is placed anew for what is loaded.
+      const { eye, target, fieldOfView } = viewer.getCamera();
+      viewer.setCamera(eye, target, fieldOfView);
+    }
     viewer.src = serviceUrl(`v1/jobs/${encodeURIComponent(this.job)}/assets/manifest.json`);
   }
 
@@ -95,11 +98,26 @@ export class LiveFeed {
   private async fetchScene(phase: Phase): Promise<void> {
     this.fetchingScene = true;
     const answer = await askBytes(this.path('scene.kiln'), this.abort.signal);
+    const shown = answer.kind === 'ok' && !this.finished && (await this.showScene(answer.value));
     this.fetchingScene = false;
     if (this.finished) return;
-    if (answer.kind === 'ok' && this.show(() => this.viewer.showLive(answer.value))) this.scene = phase;
+    if (shown) this.scene = phase;
     else this.pause();
     this.pump(0);
+  }
+
+  /** Resolves when the scene is drawn: tiles that came earlier would be added to the one that it replaces. */
+  private showScene(bytes: ArrayBuffer): Promise<boolean> {
+    return new Promise((resolve) => {
+      const settled = new AbortController();
+      const settle = (shown: boolean) => {
+        settled.abort();
+        resolve(shown);
+      };
+      this.viewer.addEventListener('load', () => settle(true), settled);
+      this.viewer.addEventListener('error', () => settle(false), settled);
+      if (!this.show(() => this.viewer.showLive(bytes))) settle(false);
+    });
   }
 
   private async fetchSegments(runs: TileRun[]): Promise<void> {
