@@ -23,7 +23,7 @@ export class Painter {
 
   constructor(renderer: WebGLRenderer) {
     this.renderer = renderer;
-    renderer.setClearColor(new Color(BACKGROUND), 1);
+    this.settle();
     const triangle = new BufferGeometry();
     triangle.setAttribute('position', new BufferAttribute(new Float32Array([-1, -1, 0, 3, -1, 0, -1, 3, 0]), 3));
     const material = new RawShaderMaterial({
@@ -43,6 +43,11 @@ export class Painter {
     });
     this.errorMesh = new Mesh(triangle, material);
     this.errorMesh.frustumCulled = false;
+  }
+
+  /** State that a context begins without, also one that comes back. */
+  settle(): void {
+    this.renderer.setClearColor(new Color(BACKGROUND), 1);
   }
 
   /** One frame on the canvas. */

@@ -71,6 +71,8 @@ export interface ViewerStats {
   /** Milliseconds from `src` to the first complete picture; null before. */
   firstPictureMs: number | null;
   codec: string;
+  /** Whether samples are still on their way to the GPU. */
+  busy: boolean;
   /** Surfaces by scheme. */
   schemes: Partial<Record<Scheme, number>>;
 }

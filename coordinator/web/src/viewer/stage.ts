@@ -25,6 +25,8 @@ export interface StageEvents {
   frame(): void;
   /** The field, or how it is drawn, has changed. */
   model(): void;
+  /** A context that was lost is there again, with everything in it. */
+  restored(): void;
 }
 
 /** How things are drawn; the element's attributes. */
@@ -56,6 +58,7 @@ export class Stage {
   private latest: LightFieldObject | null = null;
   private rotatedAt = 0;
   private placed = false;
+  private working = 0;
 
   /** Throws where the browser has no WebGL 2. */
   constructor(canvas: HTMLCanvasElement, events: StageEvents) {
@@ -77,8 +80,11 @@ export class Stage {
       this.frames.stop();
       events.error({ type: 'context-lost', message: 'The GPU was taken away from this page; the picture comes back when it is given back.' });
     });
-    // Errors of it have been told.
-    canvas.addEventListener('webglcontextrestored', () => void this.prepare().catch(() => {}));
+    canvas.addEventListener('webglcontextrestored', () => {
+      this.painter.settle();
+      // Errors of it have been told.
+      void this.prepare().then(events.restored, () => {});
+    });
   }
 
   /**
@@ -115,23 +121,28 @@ export class Stage {
   }
 
   /** Lays a field out: when it is new, and again after a change of scheme or budget, or a lost context. */
-  async prepare(object = this.object): Promise<void> {
-    if (!object) return;
-    try {
-      await object.prepare({ ...this.options, changed: () => this.changed(object) });
-      await this.ensureMode(object);
-    } catch (error) {
-      this.failed(object, error as Error);
-      throw error;
-    }
+  prepare(object = this.object): Promise<void> {
+    return this.during(async () => {
+      try {
+        await object?.prepare({ ...this.options, changed: () => this.changed(object) });
+        await this.ensureMode(object);
+      } catch (error) {
+        if (object) this.failed(object, error as Error);
+        throw error;
+      }
+    });
   }
 
-  /** Makes what the mode draws available. */
-  async ensureMode(object = this.object): Promise<void> {
-    const { mode } = this.options;
-    if (mode === 'diffuse') await object?.ensure('mean');
-    if (mode === 'error') await object?.ensure('raw');
-    if (object) this.changed(object);
+  /** Makes what the mode draws available, and lets go of what only another mode draws. */
+  ensureMode(object = this.object): Promise<void> {
+    return this.during(async () => {
+      const { mode, budget } = this.options;
+      const wanted = () => this.options.mode === mode;
+      if (mode !== 'error') object?.releaseRaw();
+      if (mode === 'diffuse') await object?.ensure('mean', budget, wanted);
+      if (mode === 'error') await object?.ensure('raw', budget, wanted);
+      if (object) this.changed(object);
+    });
   }
 
   /** Places the camera where nobody has: see `field/camera.ts`. */
@@ -203,6 +214,7 @@ export class Stage {
       firstPictureMs: this.firstPictureMs,
       codec: String(this.object?.field.container.plan.settings.codec ?? ''),
       schemes,
+      busy: this.working > 0,
     };
   }
 
@@ -253,6 +265,16 @@ export class Stage {
   private cameraMoved(): void {
     this.frames.request();
     this.events.cameraChange();
+  }
+
+  /** Counts what is under way, for {@link ViewerStats.busy}. */
+  private async during(work: () => Promise<void>): Promise<void> {
+    this.working++;
+    try {
+      await work();
+    } finally {
+      this.working--;
+    }
   }
 
   private replace(object: LightFieldObject): void {
