@@ -23,7 +23,7 @@ const KEYS: [string[], string][] = [
   [['1', '2', '3'], 'full light field, diffuse only, error against raw'],
   [['g'], 'texel grid'],
   [['i'], 'statistics'],
-  [['c'], 'inspect the texel at the centre of the view'],
+  [['c'], 'inspect the texel at the centre of the view; so does Enter on the view'],
   [['Esc'], 'close the hemisphere'],
   [['?'], 'this help'],
 ];
