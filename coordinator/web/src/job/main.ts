@@ -38,7 +38,10 @@ viewer.addEventListener('error', (event) => {
 viewer.addEventListener('load', () => fault.show(null));
 viewer.addEventListener('model', () => draw(follower.state));
 byId('view').append(viewer);
-if (picture) byId('view').append(picture);
+if (picture) {
+  byId('view').classList.add('without-webgl');
+  byId('view').append(picture);
+}
 
 const feed = picture ? null : new LiveFeed(id, viewer, (sentence) => fault.show({ role: 'alert', text: sentence }));
 const follower = new JobFollower(id, (state) => {
@@ -73,6 +76,7 @@ function showPicture(image: HTMLImageElement, name: string): void {
 
 installSkipLink();
 byId('notices').append(notice.element, fault.element, said.element);
-byId('side').append(status.element, inspectorPanel(viewer, () => byId('title').textContent ?? 'kiln'));
+byId('side').append(status.element);
+if (!picture) byId('side').append(inspectorPanel(viewer, () => byId('title').textContent ?? 'kiln'));
 byId('surfaces').append(surfaces.element);
 follower.start();

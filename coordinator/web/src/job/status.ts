@@ -5,7 +5,7 @@ import type { FollowState } from '../live/state.ts';
 import { serviceUrl } from '../live/http.ts';
 import { Notice } from '../ui/announcer.ts';
 import { Terms, el, setText } from '../ui/dom.ts';
-import { dateTime, duration, rate, short } from '../ui/format.ts';
+import { dateTime, rate, short } from '../ui/format.ts';
 import { cancelJob, deleteJob } from '../ui/job-actions.ts';
 import { elapsedText, progressText, settingText, stateText } from '../ui/job-text.ts';
 
@@ -62,7 +62,6 @@ export class StatusPanel {
     this.bar.hidden = over;
     this.bar.value = progress.fraction;
     setText(this.figures, progressText(job));
-    this.terms.set('Time left', over || progress.eta_seconds === null ? null : duration(progress.eta_seconds));
     this.terms.set('Rays', over ? null : rate(progress.rays_per_second));
     this.terms.set('Rays traced', progress.rays > 0 ? short(progress.rays) : null);
     this.terms.set('Workers', over ? null : String(progress.workers));
