@@ -54,6 +54,10 @@ export class JobCard {
     if (job.state === 'done' && !this.picture.hasChildNodes()) this.picture.append(this.thumbnail());
   }
 
+  focus(): void {
+    this.link.focus();
+  }
+
   private thumbnail(): HTMLImageElement {
     const src = serviceUrl(`v1/jobs/${encodeURIComponent(this.job.id)}/preview.png?w=160&h=120`);
     const image = el('img', { loading: 'lazy', width: 160, height: 120, alt: '', src });

@@ -21,6 +21,8 @@ export class JobList {
   private readonly notice = new Notice();
   private readonly cards = new Map<string, JobCard>();
   private wanted = STEP;
+  /** Place of the job that the focus goes to when more are shown. */
+  private reading: number | null = null;
 
   /** `changed` is called when another list is wanted. */
   constructor(private readonly changed: () => void) {
@@ -31,6 +33,7 @@ export class JobList {
       changed();
     });
     this.more.addEventListener('click', () => {
+      this.reading = this.cards.size;
       this.wanted += STEP;
       changed();
     });
@@ -60,6 +63,7 @@ export class JobList {
       this.cards.delete(id);
     }
     jobs.forEach((job, n) => this.place(job, n, at));
+    this.readOn(jobs);
     this.more.hidden = next === null;
     this.none.hidden = jobs.length > 0;
     this.none.textContent = this.filter.value ? `No job is ${this.filter.value}.` : 'There are no jobs yet. The box below says how to submit one.';
@@ -74,6 +78,14 @@ export class JobList {
     card.update(job, at);
     // Moving an element takes the focus from what is in it: only where it is not in its place.
     if (this.list.children[n] !== card.element) this.list.insertBefore(card.element, this.list.children[n] ?? null);
+  }
+
+  /** The button may go once it has done its work: the focus is then where the new jobs begin. */
+  private readOn(jobs: JobRecord[]): void {
+    const job = this.reading === null ? undefined : jobs[this.reading];
+    if (!job) return;
+    this.cards.get(job.id)?.focus();
+    this.reading = null;
   }
 
   /** A card that goes hands the focus to the list's filter. */
