@@ -33,7 +33,10 @@ let spoken = '';
 
 viewer.setAttribute('camera-controls', '');
 viewer.addEventListener('error', (event) => {
-  if ((event as Event as CustomEvent<ErrorDetail>).detail.type === 'webgl') picture = el('img', { class: 'picture', hidden: true, width: 960, height: 720 });
+  const { type } = (event as Event as CustomEvent<ErrorDetail>).detail;
+  if (type === 'webgl') picture = el('img', { class: 'picture', hidden: true, width: 960, height: 720 });
+  // Whether the package or the coordinator is to blame.
+  if (type === 'loadfailure') follower.refresh();
 });
 viewer.addEventListener('load', () => fault.show(null));
 viewer.addEventListener('model', () => draw(follower.state));

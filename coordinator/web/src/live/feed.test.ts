@@ -106,6 +106,21 @@ test('nobody is asked while the coordinator is away, or after the end', async ()
   expect(asked).toEqual([]);
 });
 
+test('a package that an absence cut off is loaded again after it, and one that is damaged is not', () => {
+  const set: string[] = [];
+  Object.defineProperty(viewer, 'src', { set: (url: string) => set.push(url), get: () => set.at(-1) });
+  const fail = () => viewer.dispatchEvent(new CustomEvent('error', { detail: { type: 'loadfailure' } }));
+  const it = feed();
+  it.update(state(at('done')));
+  fail();
+  it.update(state(at('done')));
+  expect(set.length).toBe(1);
+  it.update(state(at('done'), 0, { awaySince: 1 }));
+  it.update(state(at('done')));
+  it.update(state(at('done')));
+  expect(set).toEqual([set[0], '', set[0]]);
+});
+
 test('damaged segments are told, and stay wanted', async () => {
   faults.length = 0;
   const add = vi.spyOn(viewer as unknown as KilnViewerElement, 'addSegments').mockImplementationOnce(() => {

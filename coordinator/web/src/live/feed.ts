@@ -6,7 +6,7 @@
  * follower's affair.
  */
 
-import type { KilnViewerElement } from '../viewer/api.ts';
+import type { ErrorDetail, KilnViewerElement } from '../viewer/api.ts';
 import { askBytes, serviceUrl } from './http.ts';
 import { type JobRecord, type Phase, isFinal } from './records.ts';
 import { type TileRun, formatRuns } from './runs.ts';
@@ -37,6 +37,9 @@ export class LiveFeed {
   private pausedUntil = 0;
   private timer: number | undefined;
   private finished = false;
+  /** The package could not be loaded, and the coordinator was away since. */
+  private failed = false;
+  private absent = false;
 
   /** `onFault` hears, as a sentence, of what the viewer could not show. */
   constructor(
@@ -48,7 +51,8 @@ export class LiveFeed {
   /** The job is in this state now. */
   update(state: FollowState): void {
     this.state = state;
-    if (this.finished || !state.job || state.gone) return;
+    if (this.finished) return this.loadAgain(state);
+    if (!state.job || state.gone) return;
     if (state.job.state === 'done') this.showPackage();
     else if (isFinal(state.job.state)) this.stop();
     else this.pump(COALESCE_MS);
@@ -69,7 +73,23 @@ export class LiveFeed {
       const { eye, target, fieldOfView } = viewer.getCamera();
       viewer.setCamera(eye, target, fieldOfView);
     }
-    viewer.src = serviceUrl(`v1/jobs/${encodeURIComponent(this.job)}/assets/manifest.json`);
+    viewer.addEventListener('error', (event) => {
+      this.failed ||= (event as Event as CustomEvent<ErrorDetail>).detail?.type === 'loadfailure';
+    });
+    viewer.src = serviceUrl(this.path('assets/manifest.json'));
+  }
+
+  /** A package that an absence cut off is loaded again after it; one that is damaged would only fail again. */
+  private loadAgain({ awaySince, gone }: FollowState): void {
+    if (!this.failed || gone) return;
+    if (awaySince !== null) {
+      this.absent = true;
+    } else if (this.absent) {
+      this.failed = this.absent = false;
+      const { src } = this.viewer;
+      this.viewer.src = '';
+      this.viewer.src = src;
+    }
   }
 
   /** Does what is to be done `delay` milliseconds from now, or later where a pause is on. */
