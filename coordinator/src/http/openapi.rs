@@ -6,7 +6,7 @@
 use super::{
     archive, assets, bakes,
     catalogue::Kind,
-    events, health, index, jobs, metrics, problem,
+    events, health, index, jobs, metrics, page, problem,
     routes::{Route, Routes},
     scenes, settings_schema, tiles, worker_protocol, workers,
 };
@@ -28,7 +28,7 @@ use utoipa::OpenApi;
         (name = "worker", description = "The worker protocol: frames of `proto::wire`, refusals as `Refusal` frames"),
         (name = "pages", description = "For people")),
     paths(
-        index::index, index::problem_page, document,
+        page::dashboard, page::job, page::asset, page::library, index::about, index::problem_page, document,
         scenes::create, scenes::get, bakes::create,
         jobs::create, jobs::list, jobs::get, jobs::delete, jobs::cancel, events::stream, tiles::get,
         assets::manifest, assets::file, archive::zip, archive::tar_zst,

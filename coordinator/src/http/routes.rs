@@ -4,7 +4,8 @@
 //! other: a test compares them, and the problem responses of the document are generated from here.
 
 use super::{
-    App, archive, assets, bakes, catalogue::Kind, events, health, index, jobs, metrics, openapi, scenes, tiles, worker_protocol, workers,
+    App, archive, assets, bakes, catalogue::Kind, events, health, index, jobs, metrics, openapi, page, scenes, tiles, worker_protocol,
+    workers,
 };
 use axum::{
     Router,
@@ -90,12 +91,13 @@ impl Routes {
     }
 
     fn pages(self) -> Self {
-        self.on(Verb::Get, "/", &[], index::index).on(Verb::Get, "/problems/{slug}", &[], index::problem_page).on(
-            Verb::Get,
-            "/openapi.json",
-            &[],
-            openapi::document,
-        )
+        self.on(Verb::Get, "/", PAGE, page::dashboard)
+            .on(Verb::Get, "/jobs/{id}", &[Kind::UnknownJob, Kind::PreconditionFailed], page::job)
+            .on(Verb::Get, "/assets/{*path}", &[Kind::NotFound, Kind::PreconditionFailed], page::asset)
+            .on(Verb::Get, "/kiln-viewer.js", &[Kind::NotFound, Kind::PreconditionFailed], page::library)
+            .on(Verb::Get, "/about", &[], index::about)
+            .on(Verb::Get, "/problems/{slug}", &[], index::problem_page)
+            .on(Verb::Get, "/openapi.json", &[], openapi::document)
     }
 
     fn scenes(self) -> Self {
@@ -175,5 +177,6 @@ const NEW_JOB: &[Kind] = &[
     Kind::InvalidSettings,
     Kind::StorageFull,
 ];
+const PAGE: &[Kind] = &[Kind::PreconditionFailed];
 const FILE: &[Kind] = &[Kind::UnknownJob, Kind::UnknownAsset, Kind::JobNotDone, Kind::PreconditionFailed, Kind::RangeNotSatisfiable];
 const ARCHIVE: &[Kind] = &[Kind::UnknownJob, Kind::JobNotDone, Kind::PreconditionFailed];
