@@ -61,7 +61,7 @@ export interface ViewerModel {
 export interface ViewerStats {
   /** Frames per second while frames follow each other; 0 when the view rests, since frames are drawn on demand. */
   fps: number;
-  /** Milliseconds of the last frame, the GPU's part included where the browser tells, else the time to submit it. */
+  /** Milliseconds from the submission of the last frame to the moment the GPU had finished it. */
   frameMs: number;
   drawCalls: number;
   triangles: number;
@@ -148,6 +148,11 @@ export interface KilnViewerElement extends HTMLElement {
   jumpCameraToGoal(): void;
   toDataURL(type?: string, quality?: number): string;
   toBlob(options?: { mimeType?: string; qualityArgument?: number }): Promise<Blob>;
+  /** Linear radiance x 2^stops of every pixel of a view of this size, RGBA, bottom row first; alpha is the number of the chart, from 1, and 0 behind
+   * the scene. What is not baked is 0. */
+  renderRadiance(width: number, height: number): Float32Array;
+  /** Draws frames one after another, each finished before the next begins; their milliseconds. */
+  benchmark(frames: number): number[];
   /** Picks the texel under a point of the element, CSS pixels from its left top corner; also fires `pick`. */
   pickAt(x: number, y: number): TexelSample | null;
 }

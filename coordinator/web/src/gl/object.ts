@@ -1,0 +1,99 @@
+/**
+ * A light field as an object of a three.js scene: add it, call {@link LightFieldObject.prepare}, draw as always.
+ *
+ * The depth pre-pass is two meshes a surface with render orders, not a pass of its own: any renderer draws it, frustum culling works as for every
+ * mesh, and a host scene needs no changes. It costs twice the draw calls; drawing light fields costs fragments, not draws.
+ */
+
+import { Group, type WebGLRenderer } from 'three';
+import { ExpandPool } from '../field/expand-pool.ts';
+import { fitBudget } from '../field/budget.ts';
+import { sceneBounds } from '../field/camera.ts';
+import type { GpuLimits } from '../field/layout.ts';
+import { type LightField, TileSource } from '../field/light-field.ts';
+import { length, sub } from '../field/frame.ts';
+import { type TileSegment } from '../format/segment.ts';
+import type { Scheme } from '../viewer/api.ts';
+import { setLamps } from './lamps.ts';
+import { type SharedUniforms, sharedUniforms } from './material.ts';
+import { type Look, SurfaceView } from './surface.ts';
+
+export interface PrepareOptions {
+  scheme: 'auto' | Exclude<Scheme, 'mean'>;
+  /** Bytes of textures. */
+  budget: number;
+  /** Called when there is more to see. */
+  changed: () => void;
+}
+
+export class LightFieldObject extends Group {
+  readonly field: LightField;
+  readonly uniforms: SharedUniforms = sharedUniforms();
+  readonly surfaces: SurfaceView[];
+  private readonly pool = new ExpandPool();
+  private readonly renderer: WebGLRenderer;
+
+  /** `renderer` is the one that draws it: textures belong to its context. */
+  constructor(field: LightField, renderer: WebGLRenderer) {
+    super();
+    this.field = field;
+    this.renderer = renderer;
+    const limits = gpuLimits(renderer);
+    const { low, high } = sceneBounds(field.container);
+    const guess = setLamps(this.uniforms, field.container, length(sub(high, low)) / 2);
+    this.uniforms.lfDraftExposure.value = field.container.plan.results ? 2 ** field.exposureStops : guess;
+    this.surfaces = field.surfaces.map((surface) => new SurfaceView(field, surface, this.uniforms, limits));
+    this.add(...this.surfaces.map((view) => view.group));
+  }
+
+  /** Lays out and fills the textures. Resolves when all is on the GPU; what is not there yet is drawn as a draft. */
+  async prepare({ scheme, budget, changed }: PrepareOptions): Promise<void> {
+    const schemes = fitBudget(this.surfaces.map((view) => view.costs()), budget, scheme);
+    this.surfaces.forEach((view, i) => view.begin(this.renderer, schemes[i]));
+    changed();
+    for (const view of this.surfaces) await view.fill(this.renderer, this.pool, changed);
+  }
+
+  /** Adds tiles of a job that is being baked. */
+  async addTiles(tiles: TileSegment[], changed: () => void): Promise<void> {
+    const work = tiles.map((tile) => {
+      const view = this.surfaces[tile.surface];
+      const source = view?.surface.source;
+      if (!(source instanceof TileSource)) throw new Error(`tile ${tile.tile} belongs to surface ${tile.surface}, which this job does not have`);
+      return view.fillBlocks(this.renderer, this.pool, [source.add(tile)], changed);
+    });
+    await Promise.all(work);
+  }
+
+  /** Makes a look drawable; it is drawn by {@link show}. */
+  async ensure(look: Look): Promise<void> {
+    for (const view of this.surfaces) {
+      if (look === 'mean') await view.ensureMean(this.renderer, this.pool);
+      if (look === 'raw') await view.ensureRaw(this.renderer);
+    }
+  }
+
+  show(look: Look, hardware: boolean): void {
+    this.surfaces.forEach((view) => view.show(look, hardware));
+  }
+
+  /** Bytes of all textures. */
+  get bytes(): number {
+    return this.surfaces.reduce((sum, view) => sum + view.bytes, 0);
+  }
+
+  override dispose(): void {
+    this.pool.dispose();
+    this.surfaces.forEach((view) => view.dispose());
+    super.dispose();
+  }
+}
+
+/** What this context can hold. */
+export function gpuLimits(renderer: WebGLRenderer): GpuLimits {
+  const gl = renderer.getContext() as WebGL2RenderingContext;
+  return {
+    maxTextureSize: gl.getParameter(gl.MAX_TEXTURE_SIZE) as number,
+    maxArrayLayers: gl.getParameter(gl.MAX_ARRAY_TEXTURE_LAYERS) as number,
+  };
+}

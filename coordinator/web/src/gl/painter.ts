@@ -1,0 +1,111 @@
+/**
+ * Draws frames of one light field: the plain view, the error map as two pictures and their difference, and linear radiance for reading back.
+ */
+
+import {
+  BufferAttribute, BufferGeometry, Color, FloatType, GLSL3, HalfFloatType, Mesh, NearestFilter, type OrthographicCamera, type PerspectiveCamera,
+  RawShaderMaterial, type Scene, Vector3, WebGLRenderTarget, type WebGLRenderer, Camera,
+} from 'three';
+import type { ViewMode } from '../viewer/api.ts';
+import type { LightFieldObject } from './object.ts';
+import { errorProgram } from './shaders.ts';
+
+/** sRGB of what lies behind the scene; `kiln render` has the same. */
+export const BACKGROUND = 0x202428;
+/** Levels at the end of the error scale. */
+export const ERROR_RANGE = 16;
+
+export class Painter {
+  private readonly renderer: WebGLRenderer;
+  private readonly targets: WebGLRenderTarget[] = [];
+  private readonly errorMesh: Mesh<BufferGeometry, RawShaderMaterial>;
+  private readonly screenCamera = new Camera() as OrthographicCamera;
+
+  constructor(renderer: WebGLRenderer) {
+    this.renderer = renderer;
+    renderer.setClearColor(new Color(BACKGROUND), 1);
+    const triangle = new BufferGeometry();
+    triangle.setAttribute('position', new BufferAttribute(new Float32Array([-1, -1, 0, 3, -1, 0, -1, 3, 0]), 3));
+    const material = new RawShaderMaterial({
+      name: 'kiln-error',
+      glslVersion: GLSL3,
+      vertexShader: errorProgram.vertex,
+      fragmentShader: errorProgram.fragment,
+      uniforms: {
+        lfShown: { value: null },
+        lfReference: { value: null },
+        lfExposure: { value: 1 },
+        lfErrorRange: { value: ERROR_RANGE },
+        lfBackground: { value: new Vector3(BACKGROUND >> 16, (BACKGROUND >> 8) & 255, BACKGROUND & 255).divideScalar(255) },
+      },
+      depthTest: false,
+      depthWrite: false,
+    });
+    this.errorMesh = new Mesh(triangle, material);
+    this.errorMesh.frustumCulled = false;
+  }
+
+  /** One frame on the canvas. */
+  draw(scene: Scene, camera: PerspectiveCamera, object: LightFieldObject | null, mode: ViewMode, hardware: boolean): void {
+    if (mode === 'error' && object) {
+      this.drawError(scene, camera, object, hardware);
+      return;
+    }
+    object?.show(mode === 'diffuse' ? 'mean' : 'shown', hardware);
+    this.renderer.render(scene, camera);
+  }
+
+  /**
+   * Linear radiance times 2^stops of every pixel, bottom row first, and as alpha the number of the chart (from 1; 0 behind the scene).
+   * Resolution and antialiasing of the canvas play no part.
+   */
+  read(scene: Scene, camera: PerspectiveCamera, object: LightFieldObject, mode: ViewMode, hardware: boolean, width: number, height: number): Float32Array {
+    const target = new WebGLRenderTarget(width, height, { type: FloatType, minFilter: NearestFilter, magFilter: NearestFilter });
+    object.show(mode === 'diffuse' ? 'mean' : 'shown', hardware);
+    this.linear(scene, camera, object, target);
+    const out = new Float32Array(width * height * 4);
+    this.renderer.readRenderTargetPixels(target, 0, 0, width, height, out);
+    target.dispose();
+    return out;
+  }
+
+  dispose(): void {
+    this.targets.forEach((target) => target.dispose());
+    this.errorMesh.geometry.dispose();
+    this.errorMesh.material.dispose();
+  }
+
+  private drawError(scene: Scene, camera: PerspectiveCamera, object: LightFieldObject, hardware: boolean): void {
+    const { drawingBufferWidth: width, drawingBufferHeight: height } = this.renderer.getContext();
+    const [shown, reference] = this.sized(width, height);
+    object.show('shown', hardware);
+    this.linear(scene, camera, object, shown);
+    object.show('raw', hardware);
+    this.linear(scene, camera, object, reference);
+    const { uniforms } = this.errorMesh.material;
+    uniforms.lfShown.value = shown.texture;
+    uniforms.lfReference.value = reference.texture;
+    uniforms.lfExposure.value = object.uniforms.lfExposure.value;
+    this.renderer.render(this.errorMesh, this.screenCamera);
+  }
+
+  private sized(width: number, height: number): WebGLRenderTarget[] {
+    while (this.targets.length < 2) {
+      this.targets.push(new WebGLRenderTarget(width, height, { type: HalfFloatType, minFilter: NearestFilter, magFilter: NearestFilter }));
+    }
+    this.targets.forEach((target) => target.setSize(width, height));
+    return this.targets;
+  }
+
+  private linear(scene: Scene, camera: PerspectiveCamera, object: LightFieldObject, target: WebGLRenderTarget): void {
+    const { renderer } = this;
+    const alpha = renderer.getClearAlpha();
+    object.uniforms.lfOutput.value = 1;
+    renderer.setClearAlpha(0);
+    renderer.setRenderTarget(target);
+    renderer.render(scene, camera);
+    renderer.setRenderTarget(null);
+    renderer.setClearAlpha(alpha);
+    object.uniforms.lfOutput.value = 0;
+  }
+}

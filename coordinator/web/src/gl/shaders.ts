@@ -1,0 +1,60 @@
+/**
+ * The shaders, joined. Concatenation, not three's `#include`: the text that is compiled is then the text that tests hand to glslangValidator.
+ */
+
+import arrayScheme from '../../../../shaders/lf_array.glsl?raw';
+import common from '../../../../shaders/lf_common.glsl?raw';
+import depthFragment from '../../../../shaders/lf_depth.frag?raw';
+import depthVertex from '../../../../shaders/lf_depth.vert?raw';
+import draft from '../../../../shaders/lf_draft.glsl?raw';
+import errorFragment from '../../../../shaders/lf_error.frag?raw';
+import errorVertex from '../../../../shaders/lf_error.vert?raw';
+import meanScheme from '../../../../shaders/lf_mean.glsl?raw';
+import streamedScheme from '../../../../shaders/lf_streamed.glsl?raw';
+import surfaceFragment from '../../../../shaders/lf_surface.frag?raw';
+import surfaceVertex from '../../../../shaders/lf_surface.vert?raw';
+import type { Scheme } from '../viewer/api.ts';
+
+/** A program's two shaders, without the version line and defines that three puts before them. */
+export interface Program {
+  vertex: string;
+  fragment: string;
+}
+
+const PRECISION = 'precision highp float;\nprecision highp int;\n';
+const SCHEMES: Record<Scheme, string> = { raw: arrayScheme, expanded: arrayScheme, streamed: streamedScheme, mean: meanScheme };
+
+const join = (...parts: string[]): string => PRECISION + parts.join('\n');
+
+/** The program that draws a surface with a scheme. */
+export const surfaceProgram = (scheme: Scheme): Program => ({
+  vertex: join(surfaceVertex),
+  fragment: join(common, SCHEMES[scheme], draft, surfaceFragment),
+});
+
+export const depthProgram: Program = { vertex: join(depthVertex), fragment: join(depthFragment) };
+export const errorProgram: Program = { vertex: join(errorVertex), fragment: join(common, errorFragment) };
+
+/** Every variant that the viewer compiles, as complete sources, for validators. */
+export function shaderVariants(): { name: string; stage: 'vert' | 'frag'; source: string }[] {
+  const surface = (['expanded', 'mean'] as const).flatMap((scheme) => [
+    { name: `${scheme}-hardware`, program: surfaceProgram(scheme), defines: ['LF_HW_FILTER'] },
+    { name: `${scheme}-exact`, program: surfaceProgram(scheme), defines: [] },
+  ]);
+  const streamed = [[], ['LF_DIRECT']].map((defines) => ({
+    name: `streamed${defines.length ? '-direct' : ''}`,
+    program: surfaceProgram('streamed'),
+    defines,
+  }));
+  const others = [
+    { name: 'depth', program: depthProgram, defines: [] },
+    { name: 'error', program: errorProgram, defines: [] },
+  ];
+  return [...surface, ...streamed, ...others].flatMap(({ name, program, defines }) => {
+    const head = `#version 300 es\n${defines.map((d: string) => `#define ${d} 1\n`).join('')}`;
+    return [
+      { name, stage: 'vert' as const, source: head + program.vertex },
+      { name, stage: 'frag' as const, source: head + program.fragment },
+    ];
+  });
+}

@@ -1,0 +1,135 @@
+/**
+ * Brings a job into a viewer: its scene as soon as it has a plan, again when the Probe phase has found the exposure, its tiles as they are
+ * done, and the package in their place when all is assembled.
+ *
+ * Errors of one request cost a pause, never the feed: the tiles stay wanted. What the coordinator says of the job as a whole is the
+ * follower's affair.
+ */
+
+import type { KilnViewerElement } from '../viewer/api.ts';
+import { askBytes, serviceUrl } from './http.ts';
+import { type JobRecord, type Phase, isFinal } from './records.ts';
+import { type TileRun, formatRuns } from './runs.ts';
+import { SegmentQueue } from './segment-queue.ts';
+import type { FollowState } from './state.ts';
+
+/** Requests for segments under way at once. */
+const AT_ONCE = 2;
+/** Tiles that come within this time are asked for together. */
+const COALESCE_MS = 100;
+/** After a request that brought nothing. */
+const PAUSE_MS = 2_000;
+
+/** As whose scene the job's `scene.kiln` is worth having now: without exposure while it probes, with it from the Bake phase on. */
+export function sceneWanted(job: JobRecord, have: Phase | null): Phase | null {
+  if (job.state !== 'baking' && job.state !== 'assembling') return null;
+  const want = job.state === 'baking' && job.phase !== 'bake' ? 'probe' : 'bake';
+  return want === have || have === 'bake' ? null : want;
+}
+
+export class LiveFeed {
+  private readonly abort = new AbortController();
+  private readonly queue = new SegmentQueue();
+  private state: FollowState | null = null;
+  private scene: Phase | null = null;
+  private asking = 0;
+  private fetchingScene = false;
+  private pausedUntil = 0;
+  private timer: number | undefined;
+  private finished = false;
+
+  /** `onFault` hears, as a sentence, of what the viewer could not show. */
+  constructor(
+    private readonly job: string,
+    private readonly viewer: KilnViewerElement,
+    private readonly onFault: (sentence: string) => void,
+  ) {}
+
+  /** The job is in this state now. */
+  update(state: FollowState): void {
+    this.state = state;
+    if (this.finished || !state.job || state.gone) return;
+    if (state.job.state === 'done') this.showPackage();
+    else if (isFinal(state.job.state)) this.stop();
+    else this.pump(COALESCE_MS);
+  }
+
+  /** The segments of a job that has ended are not kept. */
+  private stop(): void {
+    this.finished = true;
+    this.abort.abort();
+    clearTimeout(this.timer);
+  }
+
+  private showPackage(): void {
+    this.stop();
+    const { viewer } = this;
+    const camera = viewer.model ? viewer.getCamera() : null;
+    if (camera) viewer.addEventListener('load', () => viewer.setCamera(camera.eye, camera.target, camera.fieldOfView), { once: true });
+    viewer.src = serviceUrl(`v1/jobs/${encodeURIComponent(this.job)}/assets/manifest.json`);
+  }
+
+  /** Does what is to be done `delay` milliseconds from now, or later where a pause is on. */
+  private pump(delay: number): void {
+    if (this.timer !== undefined || this.finished) return;
+    const wait = Math.max(delay, this.pausedUntil - performance.now());
+    this.timer = window.setTimeout(() => {
+      this.timer = undefined;
+      this.turn();
+    }, wait);
+  }
+
+  private turn(): void {
+    const { state } = this;
+    if (!state?.job || state.awaySince !== null || state.gone || this.finished) return;
+    const want = sceneWanted(state.job, this.scene);
+    if (want && !this.fetchingScene) void this.fetchScene(want);
+    // Tiles of the Bake phase are coded under its exposure: they mean nothing to a scene that does not know it.
+    while (this.scene === 'bake' && this.asking < AT_ONCE) {
+      const runs = this.queue.next(state.baked);
+      if (!runs) break;
+      void this.fetchSegments(runs);
+    }
+  }
+
+  private async fetchScene(phase: Phase): Promise<void> {
+    this.fetchingScene = true;
+    const answer = await askBytes(this.path('scene.kiln'), this.abort.signal);
+    this.fetchingScene = false;
+    if (this.finished) return;
+    if (answer.kind === 'ok' && this.show(() => this.viewer.showLive(answer.value))) this.scene = phase;
+    else this.pause();
+    this.pump(0);
+  }
+
+  private async fetchSegments(runs: TileRun[]): Promise<void> {
+    this.asking++;
+    const answer = await askBytes(`${this.path('segments')}?runs=${formatRuns(runs)}`, this.abort.signal);
+    this.asking--;
+    if (this.finished) return;
+    let tiles: number[] = [];
+    if (answer.kind === 'ok') this.show(() => (tiles = this.viewer.addSegments(answer.value)));
+    this.queue.settle(runs, tiles);
+    if (tiles.length === 0) this.pause();
+    this.pump(0);
+  }
+
+  private pause(): void {
+    this.pausedUntil = performance.now() + PAUSE_MS;
+  }
+
+  /** Bytes may be damaged on their way; that is worth a sentence, not the end of the page. */
+  private show(work: () => void): boolean {
+    try {
+      work();
+      return true;
+    } catch (error) {
+      this.onFault(`A part of the job could not be shown: ${(error as Error).message}. It is asked for again.`);
+      return false;
+    }
+  }
+
+  private path(what: string): string {
+    return `v1/jobs/${encodeURIComponent(this.job)}/${what}`;
+  }
+}

@@ -1,0 +1,68 @@
+/** What lies under a point of the view: the texel, and its hemisphere as decoded. */
+
+import { type PerspectiveCamera, Raycaster, Vector2, Vector3 } from 'three';
+import type { Vec3 } from '../format/container.ts';
+import type { FieldSurface, LightField } from '../field/light-field.ts';
+import { EOTF, decodeRow } from '../field/decode.ts';
+import { toLocal } from '../field/frame.ts';
+import { depthOfStep, directionCount } from '../field/grid.ts';
+import type { LightFieldObject } from '../gl/object.ts';
+import type { TexelSample } from './api.ts';
+
+/** The texel under a point in normalised device coordinates; null behind the scene and where no tile has arrived. */
+export function pick(object: LightFieldObject, camera: PerspectiveCamera, at: Vector2): TexelSample | null {
+  const ray = new Raycaster();
+  ray.setFromCamera(at, camera);
+  const hit = ray.intersectObject(object, true).find(({ object: mesh, face }) => mesh.userData.surface !== undefined && face);
+  if (!hit?.uv || hit.faceIndex == null) return null;
+  const surface = object.field.surfaces[hit.object.userData.surface as number];
+  const local = object.worldToLocal(hit.point.clone());
+  const toEye = object.worldToLocal(camera.getWorldPosition(new Vector3())).sub(local).normalize();
+  return sampleTexel(object.field, surface, hit.faceIndex, [hit.uv.x, hit.uv.y], [local.x, local.y, local.z], [toEye.x, toEye.y, toEye.z]);
+}
+
+/** The texel of a surface at `uv` on `triangle`, seen from the unit direction `toEye`. */
+export function sampleTexel(field: LightField, surface: FieldSurface, triangle: number, uv: [number, number], position: Vec3, toEye: Vec3): TexelSample | null {
+  const { width, height } = surface.plan;
+  const x = Math.min(width - 1, Math.max(0, Math.floor(uv[0] * width)));
+  const y = Math.min(height - 1, Math.max(0, Math.floor(uv[1] * height)));
+  const found = surface.source.texel(x, y);
+  const frame = surface.geometry.frames[triangle];
+  if (!found || !frame) return null;
+  const count = directionCount(field.grid);
+  const bySteps = new Uint8Array(count * 3);
+  decodeRow(found.kept, found.row, bySteps);
+  const coded = new Uint8Array(count * 3);
+  depthOfStep(field.grid, surface.walk).forEach((depth, step) => coded.set(bySteps.subarray(step * 3, step * 3 + 3), depth * 3));
+  const factor = 2 ** -field.exposureStops;
+  const w = toLocal(frame, toEye);
+  return {
+    surface: surface.name,
+    surfaceIndex: surface.index,
+    x,
+    y,
+    position,
+    grid: field.grid,
+    coded,
+    radiance: Float32Array.from(coded, (byte) => EOTF[byte] * factor),
+    keptSamples: found.kept.starts[found.row + 1] - found.kept.starts[found.row],
+    view: { theta: degrees(Math.atan2(Math.hypot(w[0], w[1]), w[2])), phi: (degrees(Math.atan2(w[1], w[0])) + 360) % 360 },
+    covered: isCovered(surface, x, y),
+  };
+}
+
+const degrees = (radians: number): number => (radians * 180) / Math.PI;
+
+/** Whether a texel's centre lies on a triangle: gutter texels have the light of a neighbour. */
+export function isCovered({ plan }: FieldSurface, x: number, y: number): boolean {
+  const [u, v] = [(x + 0.5) / plan.width, (y + 0.5) / plan.height];
+  for (let i = 0; i < plan.uv.length; i += 6) {
+    const [ax, ay, bx, by, cx, cy] = plan.uv.subarray(i, i + 6);
+    const det = (bx - ax) * (cy - ay) - (cx - ax) * (by - ay);
+    if (det === 0) continue;
+    const b = ((u - ax) * (cy - ay) - (cx - ax) * (v - ay)) / det;
+    const c = ((bx - ax) * (v - ay) - (u - ax) * (by - ay)) / det;
+    if (b >= -1e-9 && c >= -1e-9 && b + c <= 1 + 1e-9) return true;
+  }
+  return false;
+}

@@ -1,0 +1,4 @@
+// The depth pre-pass: it writes no colour. With it every pixel is decoded once, whatever lies behind it (the thesis's removal of hidden
+// fragments, 7.3.4), because the colour pass meets only fragments that are the nearest.
+
+void main() {}

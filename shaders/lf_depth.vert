@@ -1,0 +1,12 @@
+// The same position as `lf_surface.vert`, to the last bit.
+
+uniform mat4 modelViewMatrix;
+uniform mat4 projectionMatrix;
+
+in vec3 position;
+
+invariant gl_Position;
+
+void main() {
+	gl_Position = projectionMatrix * modelViewMatrix * vec4( position, 1.0 );
+}
