@@ -15,6 +15,7 @@ mod health;
 mod index;
 mod jobs;
 mod layers;
+mod live;
 mod metrics;
 mod openapi;
 mod page;

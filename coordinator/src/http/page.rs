@@ -4,9 +4,9 @@
 //! an answer without a body. Entity tags are hashes of the content, with a mark for the compressed form (RFC 9110, section 8.8.3.3).
 
 use super::{
-    assets::{IMMUTABLE, value},
+    assets::{IMMUTABLE, REVALIDATE, whole},
     catalogue::Kind,
-    conditional::{Decision, decide, strong_etag},
+    conditional::strong_etag,
     extract::{JobInPath, Path},
     index,
     layers::PAGE_POLICY,
@@ -15,13 +15,10 @@ use super::{
 use crate::page::{self, PageFile};
 use axum::{
     body::{Body, Bytes},
-    http::{HeaderMap, HeaderValue, StatusCode, header},
+    http::{HeaderMap, HeaderValue, header},
     response::{IntoResponse, Response},
 };
 use serde::Deserialize;
-
-/// For what may change with the next version of the binary.
-pub(super) const REVALIDATE: &str = "no-cache";
 
 /// The dashboard: jobs, workers, throughput. In a build without the page, the overview.
 #[utoipa::path(get, path = "/", operation_id = "dashboard", tag = "pages", responses((status = 200, description = "The page", body = String, content_type = "text/html")))]
@@ -75,25 +72,22 @@ fn send(file: &'static PageFile, keep: &'static str, asked: &HeaderMap) -> Answe
     let packed = if takes_gzip(asked) { file.gzip() } else { None };
     let mark = if packed.is_some() { "-gzip" } else { "" };
     let etag = strong_etag(&format!("{}{mark}", file.sha256));
-    let mut headers = HeaderMap::new();
-    headers.insert(header::ETAG, value(&etag)?);
-    headers.insert(header::CACHE_CONTROL, HeaderValue::from_static(keep));
-    headers.insert(header::VARY, HeaderValue::from_static("accept-encoding"));
-    headers.insert(header::CONTENT_SECURITY_POLICY, PAGE_POLICY);
+    let mut headers = match whole(&etag, keep, asked)? {
+        Ok(headers) => headers,
+        Err(held) => return Ok((common(), held).into_response()),
+    };
+    headers.extend(common());
     let bytes = packed.unwrap_or(&file.bytes);
-    match decide(asked, &etag, bytes.len() as u64) {
-        Decision::NotModified => return Ok((StatusCode::NOT_MODIFIED, headers).into_response()),
-        Decision::PreconditionFailed => {
-            return Err(Failure::new(Kind::PreconditionFailed, format!("the file's entity tag is {etag}")));
-        }
-        // Files of the page are small: a range is answered with all of it, which the standard allows.
-        Decision::Whole | Decision::Part(_) | Decision::NotSatisfiable => {}
-    }
     headers.insert(header::CONTENT_TYPE, HeaderValue::from_static(file.media_type));
     if packed.is_some() {
         headers.insert(header::CONTENT_ENCODING, HeaderValue::from_static("gzip"));
     }
     Ok((headers, Body::from(Bytes::from_static(bytes))).into_response())
+}
+
+/// What every answer about a file of the page carries.
+fn common() -> HeaderMap {
+    [(header::VARY, HeaderValue::from_static("accept-encoding")), (header::CONTENT_SECURITY_POLICY, PAGE_POLICY)].into_iter().collect()
 }
 
 /// Whether the client takes gzip (RFC 9110, section 12.5.3): named, or meant by `*`, and not with weight 0.
