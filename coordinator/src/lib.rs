@@ -13,6 +13,7 @@ pub mod http;
 pub mod import;
 pub mod job;
 pub mod lease;
+pub mod page;
 pub mod preview;
 pub mod records;
 pub mod split;

@@ -267,6 +267,36 @@ pub struct WorkerRecord {
     pub core_seconds: f64,
     /// Largest resident memory it reported, bytes.
     pub peak_rss_bytes: u64,
+    /// Rays per second over the last half minute, as far as the coordinator has seen them.
+    #[serde(default)]
+    pub rays_per_second: f64,
+    /// Texels (gutters included) per second over the last half minute, as far as the coordinator has seen them.
+    #[serde(default)]
+    pub texels_per_second: f64,
+}
+
+/// What the farm did over the last hour. Kept in memory: a coordinator that has just started knows only what happened since.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+pub struct Throughput {
+    /// The span of a point, milliseconds.
+    pub interval_ms: i64,
+    /// Oldest first. Spans in which nothing was noted are left out.
+    pub points: Vec<ThroughputPoint>,
+}
+
+/// What the farm did within one span.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, ToSchema)]
+pub struct ThroughputPoint {
+    /// When the span began.
+    pub at_ms: UnixMillis,
+    /// Rays reported within it.
+    pub rays: u64,
+    /// Texels (gutters included) of tiles accepted within it, of both phases.
+    pub texels: u64,
+    /// Tiles accepted within it, of both phases.
+    pub tiles: u64,
+    /// Workers that were there when last looked.
+    pub workers: u64,
 }
 
 /// One file of a published package.

@@ -32,8 +32,9 @@ async fn sweep(core: Arc<Core>) {
     }
 }
 
-/// Lets everything expire whose time has come.
+/// Lets everything expire whose time has come, and notes who is here.
 pub(super) async fn expire(core: &Core) {
+    core.present_workers();
     match core.store.expire(core.now()).await {
         Ok(expiry) if expiry.attempts + expiry.tasks > 0 => {
             tracing::warn!(attempts = expiry.attempts, tasks = expiry.tasks, "expired; the work goes back");

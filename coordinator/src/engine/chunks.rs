@@ -171,6 +171,6 @@ fn count(core: &Core, attempt: &AttemptRow, chunk: &NewChunk, row: &ChunkRow) {
     add(&counters.tiles_duplicate, chunk.tiles.len() as u64 - accepted - conflicts);
     if accepted > 0 {
         let cost = chunk.tiles.iter().filter(|t| row.accepted.contains(t.tile)).map(|t| t.cost).sum();
-        core.meter().accepted(attempt.job, cost, core.now());
+        core.meter().accepted(attempt.worker, attempt.job, accepted, cost, core.now());
     }
 }

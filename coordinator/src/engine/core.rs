@@ -27,6 +27,8 @@ pub type Clock = Arc<dyn Fn() -> UnixMillis + Send + Sync>;
 const PLANS: usize = 8;
 /// Scenes kept decoded.
 const SCENES: usize = 2;
+/// Live views that are answered at the same time: each holds a scene, or some megabytes of segments.
+const LIVE: usize = 2;
 /// zstd's level for scenes and plans: written once, sent to every worker.
 const LEVEL: i32 = 3;
 
@@ -55,6 +57,8 @@ pub(super) struct Core {
     pub(super) counters: Counters,
     /// Chunks that are checked at the same time.
     pub(super) slots: Semaphore,
+    /// Answers for live views that are put together in memory at the same time.
+    pub(super) live: Semaphore,
     /// Held shared from writing a blob until a row names it, and alone while an unnamed blob is deleted.
     pub(super) gate: RwLock<()>,
     /// Peeking at work and claiming it is one step.
@@ -94,6 +98,7 @@ impl Core {
             signals: Signals::default(),
             counters: Counters::default(),
             slots,
+            live: Semaphore::new(LIVE),
             gate: RwLock::default(),
             leasing: tokio::sync::Mutex::default(),
             meter: Mutex::default(),
@@ -113,7 +118,8 @@ impl Core {
     /// Workers that were heard lately; a waiting worker is silent for as long as it polls.
     pub(super) fn present_workers(&self) -> u64 {
         let silence = self.config.lease.ttl_ms + self.config.lease.poll_ms;
-        self.meter().present(self.now() - silence as i64)
+        let now = self.now();
+        self.meter().present(now - silence as i64, now)
     }
 
     /// Stores bytes as one zstd frame.
@@ -123,7 +129,7 @@ impl Core {
         Ok(self.blobs.put(Bytes::from(packed)).await?)
     }
 
-    async fn load_compressed(&self, blob: BlobName) -> Result<Vec<u8>, EngineError> {
+    pub(super) async fn load_compressed(&self, blob: BlobName) -> Result<Vec<u8>, EngineError> {
         let packed = self.blobs.load(blob, None, limits::SCENE_BYTES as u64).await?;
         let plain = blocking(move || zstd::stream::decode_all(packed.as_slice())).await?;
         plain.map_err(|e| EngineError::Broken(format!("the blob {blob} cannot be decompressed: {e}")))

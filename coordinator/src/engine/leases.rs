@@ -57,6 +57,8 @@ impl Engine {
             rays: 0,
             core_seconds: 0.0,
             peak_rss_bytes: 0,
+            rays_per_second: 0.0,
+            texels_per_second: 0.0,
         };
         self.core.store.put_worker(&worker).await.map_err(busy)?;
         self.core.meter().heard(worker.id, now);
@@ -105,7 +107,7 @@ impl Engine {
         };
         let mut meter = core.meter();
         meter.heard(row.worker, now);
-        meter.rays(token, row.job, heartbeat.rays, now);
+        meter.rays(token, row.worker, row.job, heartbeat.rays, now);
         meter.measured(row.worker, row.job, row.phase, heartbeat.texels_done, now - row.granted_ms);
         Ok(HeartbeatReply::Continue)
     }
@@ -138,7 +140,7 @@ impl Engine {
         {
             let mut meter = core.meter();
             meter.heard(row.worker, now);
-            meter.rays(token, row.job, finish.rays, now);
+            meter.rays(token, row.worker, row.job, finish.rays, now);
             meter.measured(row.worker, row.job, row.phase, row.texels, now - row.granted_ms);
             meter.ended(token);
         }

@@ -1,8 +1,13 @@
-//! How fast things go right now: rays and texels of each job over the last half minute, who was heard lately, how often attempts fail.
+//! How fast things go right now: rays and texels of each job and each worker over the last half minute, who was heard lately, how often
+//! attempts fail; and what was done over the last hour.
 //!
 //! All of it is in memory and all of it may be lost: a restart forgets speeds, never work.
 
-use crate::{lease::Speeds, records::UnixMillis};
+use super::history::History;
+use crate::{
+    lease::Speeds,
+    records::{ThroughputPoint, UnixMillis},
+};
 use kiln_proto::{
     ids::{JobId, Token, WorkerId},
     wire::message::Phase,
@@ -14,11 +19,38 @@ const WINDOW: i64 = 30_000;
 /// Attempts of a job that may fail in a row without a tile accepted between them, before the job is given up.
 const FAILURES: u32 = 10;
 
+/// What was done over the last half minute.
 #[derive(Default)]
-struct JobMeter {
+struct Window {
     /// When, rays, cost.
     samples: VecDeque<(UnixMillis, u64, u64)>,
     since: Option<UnixMillis>,
+}
+
+impl Window {
+    fn add(&mut self, rays: u64, cost: u64, now: UnixMillis) {
+        self.since.get_or_insert(now);
+        self.samples.push_back((now, rays, cost));
+        while self.samples.front().is_some_and(|(at, ..)| *at < now - WINDOW) {
+            self.samples.pop_front();
+        }
+    }
+
+    fn rates(&self, now: UnixMillis) -> Rates {
+        let recent = self.samples.iter().filter(|(at, ..)| *at >= now - WINDOW);
+        let (rays, cost) = recent.fold((0u64, 0u64), |(r, c), (_, rays, cost)| (r + rays, c + cost));
+        let seconds = self.since.map_or(WINDOW, |since| (now - since).clamp(1_000, WINDOW)) as f64 / 1_000.0;
+        Rates { rays: rays as f64 / seconds, cost: cost as f64 / seconds }
+    }
+
+    fn is_over(&self, now: UnixMillis) -> bool {
+        self.samples.back().is_none_or(|(at, ..)| *at < now - WINDOW)
+    }
+}
+
+#[derive(Default)]
+struct JobMeter {
+    window: Window,
     failures: u32,
 }
 
@@ -26,8 +58,10 @@ struct JobMeter {
 #[derive(Default)]
 pub(super) struct Meter {
     jobs: HashMap<JobId, JobMeter>,
+    workers: HashMap<WorkerId, Window>,
     rays: HashMap<Token, (JobId, u64)>,
     heard: HashMap<WorkerId, UnixMillis>,
+    history: History,
     pub(super) speeds: Speeds,
 }
 
@@ -39,24 +73,25 @@ pub(super) struct Rates {
 }
 
 impl Meter {
-    fn add(&mut self, job: JobId, rays: u64, cost: u64, now: UnixMillis) {
-        let meter = self.jobs.entry(job).or_default();
-        meter.since.get_or_insert(now);
-        meter.samples.push_back((now, rays, cost));
-        while meter.samples.front().is_some_and(|(at, ..)| *at < now - WINDOW) {
-            meter.samples.pop_front();
-        }
+    fn add(&mut self, worker: WorkerId, job: JobId, rays: u64, cost: u64, now: UnixMillis) {
+        self.jobs.entry(job).or_default().window.add(rays, cost, now);
+        self.workers.entry(worker).or_default().add(rays, cost, now);
     }
 
     /// A worker says how many rays an attempt has traced so far.
-    pub(super) fn rays(&mut self, token: Token, job: JobId, total: u64, now: UnixMillis) {
+    pub(super) fn rays(&mut self, token: Token, worker: WorkerId, job: JobId, total: u64, now: UnixMillis) {
         let before = self.rays.insert(token, (job, total)).map_or(0, |(_, before)| before);
-        self.add(job, total.saturating_sub(before), 0, now);
+        let rays = total.saturating_sub(before);
+        self.add(worker, job, rays, 0, now);
+        self.history.at(now).rays += rays;
     }
 
     /// Tiles worth `cost` texels were accepted.
-    pub(super) fn accepted(&mut self, job: JobId, cost: u64, now: UnixMillis) {
-        self.add(job, 0, cost, now);
+    pub(super) fn accepted(&mut self, worker: WorkerId, job: JobId, tiles: u64, cost: u64, now: UnixMillis) {
+        self.add(worker, job, 0, cost, now);
+        let point = self.history.at(now);
+        point.tiles += tiles;
+        point.texels += cost;
         if let Some(meter) = self.jobs.get_mut(&job) {
             meter.failures = 0;
         }
@@ -81,11 +116,17 @@ impl Meter {
 
     /// The rates of a job.
     pub(super) fn rates(&self, job: JobId, now: UnixMillis) -> Rates {
-        let Some(meter) = self.jobs.get(&job) else { return Rates::default() };
-        let recent = meter.samples.iter().filter(|(at, ..)| *at >= now - WINDOW);
-        let (rays, cost) = recent.fold((0u64, 0u64), |(r, c), (_, rays, cost)| (r + rays, c + cost));
-        let seconds = meter.since.map_or(WINDOW, |since| (now - since).clamp(1_000, WINDOW)) as f64 / 1_000.0;
-        Rates { rays: rays as f64 / seconds, cost: cost as f64 / seconds }
+        self.jobs.get(&job).map(|meter| meter.window.rates(now)).unwrap_or_default()
+    }
+
+    /// The rates of a worker.
+    pub(super) fn rates_of(&self, worker: WorkerId, now: UnixMillis) -> Rates {
+        self.workers.get(&worker).map(|window| window.rates(now)).unwrap_or_default()
+    }
+
+    /// What was done over the last hour.
+    pub(super) fn throughput(&self, now: UnixMillis) -> Vec<ThroughputPoint> {
+        self.history.points(now)
     }
 
     /// A worker was heard.
@@ -93,10 +134,13 @@ impl Meter {
         self.heard.insert(worker, now);
     }
 
-    /// Workers heard since a moment; the others are forgotten.
-    pub(super) fn present(&mut self, since: UnixMillis) -> u64 {
+    /// Workers heard since a moment; the others are forgotten. What is found here goes into the history too.
+    pub(super) fn present(&mut self, since: UnixMillis, now: UnixMillis) -> u64 {
         self.heard.retain(|_, at| *at >= since);
-        self.heard.len() as u64
+        self.workers.retain(|_, window| !window.is_over(now));
+        let present = self.heard.len() as u64;
+        self.history.at(now).workers = present;
+        present
     }
 
     /// Forgets a job.
@@ -114,19 +158,49 @@ mod tests {
     #[test]
     fn rates_look_half_a_minute_back() {
         let (mut meter, job, token) = (Meter::default(), JobId::random(), Token::random());
-        meter.rays(token, job, 1_000, 0);
-        meter.rays(token, job, 5_000, 10_000);
-        meter.accepted(job, 50, 10_000);
-        assert_eq!(meter.rates(job, 10_000), Rates { rays: 500.0, cost: 5.0 });
-        assert_eq!(meter.rates(job, 35_000), Rates { rays: 4_000.0 / 30.0, cost: 50.0 / 30.0 });
-        assert_eq!(meter.rates(job, 90_000), Rates::default());
+        let worker = WorkerId::random();
+        meter.rays(token, worker, job, 1_000, 0);
+        meter.rays(token, worker, job, 5_000, 10_000);
+        meter.accepted(worker, job, 1, 50, 10_000);
+        for (now, expected) in [
+            (10_000, Rates { rays: 500.0, cost: 5.0 }),
+            (35_000, Rates { rays: 4_000.0 / 30.0, cost: 50.0 / 30.0 }),
+            (90_000, Rates::default()),
+        ] {
+            assert_eq!((meter.rates(job, now), meter.rates_of(worker, now)), (expected, expected), "{now}");
+        }
+    }
+
+    #[test]
+    fn workers_have_rates_of_their_own_over_all_jobs() {
+        let (mut meter, one, two) = (Meter::default(), WorkerId::random(), WorkerId::random());
+        meter.rays(Token::random(), one, JobId::random(), 100, 0);
+        meter.rays(Token::random(), one, JobId::random(), 200, 10_000);
+        meter.rays(Token::random(), two, JobId::random(), 5_000, 10_000);
+        assert_eq!(meter.rates_of(one, 10_000).rays, 30.0);
+        assert_eq!(meter.rates_of(two, 20_000).rays, 500.0);
+        assert_eq!(meter.rates_of(WorkerId::random(), 20_000), Rates::default());
+        meter.present(0, 45_000);
+        assert!(meter.workers.is_empty());
+    }
+
+    #[test]
+    fn what_is_done_goes_into_the_history() {
+        let (mut meter, worker, job, token) = (Meter::default(), WorkerId::random(), JobId::random(), Token::random());
+        meter.heard(worker, 10_000);
+        meter.present(0, 10_000);
+        meter.rays(token, worker, job, 700, 10_100);
+        meter.rays(token, worker, job, 900, 10_200);
+        meter.accepted(worker, job, 2, 64, 10_300);
+        meter.forget(job);
+        assert_eq!(meter.throughput(12_000), [ThroughputPoint { at_ms: 10_000, rays: 900, texels: 64, tiles: 2, workers: 1 }]);
     }
 
     #[test]
     fn failures_count_only_while_nothing_is_accepted() {
         let (mut meter, job) = (Meter::default(), JobId::random());
         assert!((1..FAILURES).all(|_| !meter.failed(job)));
-        meter.accepted(job, 1, 0);
+        meter.accepted(WorkerId::random(), job, 1, 1, 0);
         assert!((1..FAILURES).all(|_| !meter.failed(job)));
         assert!(meter.failed(job));
     }
@@ -136,6 +210,6 @@ mod tests {
         let mut meter = Meter::default();
         meter.heard(WorkerId::random(), 5);
         meter.heard(WorkerId::random(), 50);
-        assert_eq!((meter.present(5), meter.present(6), meter.present(0)), (2, 1, 1));
+        assert_eq!((meter.present(5, 50), meter.present(6, 50), meter.present(0, 50)), (2, 1, 1));
     }
 }

@@ -10,9 +10,11 @@ mod chunks;
 mod core;
 mod done;
 mod error;
+mod history;
 mod inspect;
 mod jobs;
 mod leases;
+mod live;
 mod meter;
 mod open;
 mod packages;
@@ -35,13 +37,14 @@ pub use crate::{
     store::{EventPage, JobFilter},
 };
 pub use error::EngineError;
+pub use live::LiveScene;
 pub use open::Parts;
 pub use types::{Download, Estimate, JobPage, Statistics, UploadedFile};
 
 use self::core::Core;
 use crate::{
     config::Config,
-    records::{UnixMillis, WorkerRecord},
+    records::{Throughput, UnixMillis, WorkerRecord},
 };
 use std::{
     fs::File,
@@ -111,7 +114,19 @@ impl Engine {
     /// A failing store.
     pub async fn workers(&self) -> Result<Vec<WorkerRecord>, EngineError> {
         let since = self.now() - self.core.config.keep.dead_workers_ms as i64;
-        Ok(self.core.store.workers(since).await?)
+        let mut workers = self.core.store.workers(since).await?;
+        let meter = self.core.meter();
+        for worker in &mut workers {
+            let rates = meter.rates_of(worker.id, self.now());
+            (worker.rays_per_second, worker.texels_per_second) = (rates.rays, rates.cost);
+        }
+        Ok(workers)
+    }
+
+    /// What was done over the last hour, as far as this process has seen it.
+    #[must_use]
+    pub fn throughput(&self) -> Throughput {
+        Throughput { interval_ms: history::INTERVAL, points: self.core.meter().throughput(self.now()) }
     }
 
     /// Figures for `/metrics`.

@@ -94,6 +94,12 @@ pub trait Pipeline: Send + Sync + 'static {
     /// What is wrong with them.
     fn check(&self, bytes: &[u8], plan: &Plan, phase: Phase, tile: TileIndex) -> Result<(), Problem>;
 
+    /// A segment of the Bake phase without what the live preview has no use for.
+    ///
+    /// # Errors
+    /// Bytes that are no such segment.
+    fn lean(&self, bytes: Vec<u8>) -> Result<Vec<u8>, Problem>;
+
     /// What a segment of the Probe phase found.
     ///
     /// # Errors
@@ -136,6 +142,10 @@ impl Pipeline for Kiln {
 
     fn check(&self, bytes: &[u8], plan: &Plan, phase: Phase, tile: TileIndex) -> Result<(), Problem> {
         segment::check(bytes, plan, phase, tile).map_err(|e| problem(&e))
+    }
+
+    fn lean(&self, bytes: Vec<u8>) -> Result<Vec<u8>, Problem> {
+        segment::without_raw(bytes).map_err(|e| problem(&e))
     }
 
     fn probe(&self, bytes: &[u8], plan: &Plan, tile: TileIndex) -> Result<ProbeSums, Problem> {

@@ -72,14 +72,14 @@ async fn send(app: App, job: JobId, format: Format, method: &Method, headers: &H
     };
     let etag = strong_etag(&format!("{}-{extension}", digest(&files)));
     match decide(headers, &etag, 0) {
-        Decision::NotModified => return Ok((StatusCode::NOT_MODIFIED, assets::caching(&etag)?).into_response()),
+        Decision::NotModified => return Ok((StatusCode::NOT_MODIFIED, assets::caching(&etag, assets::IMMUTABLE)?).into_response()),
         Decision::PreconditionFailed => {
             return Err(Failure::new(Kind::PreconditionFailed, format!("the archive's entity tag is {etag}")));
         }
         Decision::Whole | Decision::Part(_) | Decision::NotSatisfiable => {} // There are no ranges of a stream.
     }
     let body = if method == Method::HEAD { Body::empty() } else { stream(app.engine, job, files, format) };
-    let mut response = (assets::caching(&etag)?, body).into_response();
+    let mut response = (assets::caching(&etag, assets::IMMUTABLE)?, body).into_response();
     let headers = response.headers_mut();
     headers.insert(header::CONTENT_TYPE, HeaderValue::from_static(media));
     headers.insert(header::CONTENT_DISPOSITION, assets::value(&format!("attachment; filename=\"kiln-{job}.{extension}\""))?);

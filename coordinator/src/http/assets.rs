@@ -23,6 +23,8 @@ use kiln_proto::ids::JobId;
 use serde::Deserialize;
 use std::ops::Range;
 
+/// For what may be another next time: kept, but asked for again.
+pub(super) const REVALIDATE: &str = "no-cache";
 /// For what will never change under its URL. Private: later, who may see a job is decided per client.
 pub(super) const IMMUTABLE: &str = "private, max-age=31536000, immutable";
 
@@ -66,7 +68,7 @@ async fn send(app: &App, job: JobId, path: &str, method: &Method, headers: &Head
         Ok(file) => file,
         Err(error) => return Err(explain(app, job, error).await),
     };
-    let (status, headers, range) = head(&file, headers)?;
+    let (status, headers, range) = head(&file, IMMUTABLE, headers)?;
     let body = match range {
         Some(range) if method != Method::HEAD => Body::from_stream(app.engine.read_package_file(job, path, Some(range)).await?.stream),
         _ => Body::empty(),
@@ -75,9 +77,9 @@ async fn send(app: &App, job: JobId, path: &str, method: &Method, headers: &Head
 }
 
 /// Status and headers for a request with the given headers, and the bytes to send where there are any.
-fn head(file: &PackageFile, asked: &HeaderMap) -> Answer<(StatusCode, HeaderMap, Option<Range<u64>>)> {
+pub(super) fn head(file: &PackageFile, keep: &'static str, asked: &HeaderMap) -> Answer<(StatusCode, HeaderMap, Option<Range<u64>>)> {
     let etag = strong_etag(&file.sha256);
-    let mut headers = caching(&etag)?;
+    let mut headers = caching(&etag, keep)?;
     let (status, range) = match decide(asked, &etag, file.bytes) {
         Decision::Whole => (StatusCode::OK, 0..file.bytes),
         Decision::Part(range) => (StatusCode::PARTIAL_CONTENT, range),
@@ -104,14 +106,28 @@ fn unsatisfiable(length: u64) -> Failure {
     }
 }
 
+/// For a file that is sent whole or not at all: the headers to send it with, or the whole answer where the client has it. A range is
+/// answered with everything, which the standard allows.
+///
+/// # Errors
+/// A client that expects another file.
+pub(super) fn whole(etag: &str, keep: &'static str, asked: &HeaderMap) -> Answer<Result<HeaderMap, Response>> {
+    let headers = caching(etag, keep)?;
+    match decide(asked, etag, 0) {
+        Decision::NotModified => Ok(Err((StatusCode::NOT_MODIFIED, headers).into_response())),
+        Decision::PreconditionFailed => Err(Failure::new(Kind::PreconditionFailed, format!("the file's entity tag is {etag}"))),
+        Decision::Whole | Decision::Part(_) | Decision::NotSatisfiable => Ok(Ok(headers)),
+    }
+}
+
 /// Headers that say how long the answer may be kept and under which tag.
 ///
 /// # Errors
 /// A tag that is no header value, which only a damaged store can hold.
-pub(super) fn caching(etag: &str) -> Answer<HeaderMap> {
+pub(super) fn caching(etag: &str, keep: &'static str) -> Answer<HeaderMap> {
     let mut headers = HeaderMap::new();
     headers.insert(header::ETAG, value(etag)?);
-    headers.insert(header::CACHE_CONTROL, HeaderValue::from_static(IMMUTABLE));
+    headers.insert(header::CACHE_CONTROL, HeaderValue::from_static(keep));
     Ok(headers)
 }
 
@@ -162,7 +178,7 @@ mod tests {
     fn ask(name: header::HeaderName, text: &str) -> Answer<(StatusCode, HeaderMap, Option<Range<u64>>)> {
         let file =
             PackageFile { path: "a.mtsp".into(), media_type: "application/octet-stream".into(), bytes: 100, sha256: "ab".repeat(32) };
-        head(&file, &[(name, text.parse().unwrap())].into_iter().collect())
+        head(&file, IMMUTABLE, &[(name, text.parse().unwrap())].into_iter().collect())
     }
 
     #[test]

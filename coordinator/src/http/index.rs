@@ -1,4 +1,4 @@
-//! Pages for people: what is here, and what each kind of problem means. Plain HTML without style or script, so that the strict
+//! Pages for people without script: what is here, and what each kind of problem means. Plain HTML without style or script, so that the strict
 //! Content-Security-Policy of the API holds here too.
 
 use super::{
@@ -7,13 +7,15 @@ use super::{
     problem::{Answer, Failure},
 };
 use axum::response::Html;
+use kiln_proto::ids::JobId;
 use std::fmt::Write as _;
 
 /// What is here.
-#[utoipa::path(get, path = "/", operation_id = "index", tag = "pages", responses((status = 200, description = "An overview", body = String, content_type = "text/html")))]
-pub(super) async fn index() -> Html<String> {
+#[utoipa::path(get, path = "/about", operation_id = "about", tag = "pages", responses((status = 200, description = "An overview", body = String, content_type = "text/html")))]
+pub(super) async fn about() -> Html<String> {
     let mut rows = String::new();
     for (link, what) in [
+        ("/", "the dashboard"),
         ("/openapi.json", "the API, as OpenAPI 3.1"),
         ("/v1/jobs", "jobs"),
         ("/v1/workers", "workers"),
@@ -25,6 +27,14 @@ pub(super) async fn index() -> Html<String> {
     }
     let bake = "curl -F scene=@room.obj -F materials=@room.mtl -F 'settings={\"preset\":\"draft\"}' http://HOST/v1/bakes";
     Html(page("Kiln", &format!("<p>Bake a scene:</p><pre>{bake}</pre><ul>{rows}</ul><p>Problems:</p><ul>{}</ul>", problem_links())))
+}
+
+/// What stands for the page of a job in a build without the page.
+#[must_use]
+pub(super) fn job_without_page(job: JobId) -> Html<String> {
+    let link = format!("/v1/jobs/{job}");
+    let body = format!("<p>This build of Kiln has no page.</p><p><a href=\"{link}\">{link}</a> has the job as JSON.</p>");
+    Html(page(&format!("Job {job}"), &body))
 }
 
 fn problem_links() -> String {
@@ -41,7 +51,7 @@ pub(super) async fn problem_page(Path(slug): Path<String>) -> Answer<Html<String
     let kind = Kind::from_slug(&slug).ok_or_else(|| Failure::new(Kind::NotFound, "there is no problem of that name"))?;
     let entry = kind.entry();
     let body = format!(
-        "<p>HTTP status {}.</p><p>{}</p><p>{}</p><p><a href=\"/\">Overview</a></p>",
+        "<p>HTTP status {}.</p><p>{}</p><p>{}</p><p><a href=\"/about\">Overview</a></p>",
         entry.status,
         escape(entry.meaning),
         escape(entry.remedy)

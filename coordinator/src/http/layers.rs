@@ -28,7 +28,7 @@ pub enum HostPolicy {
 
 const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
 
-/// Headers that every response carries. Nothing here is ever framed, sniffed or allowed to load anything.
+/// Headers that every response carries, unless it brings its own. Nothing here is ever framed, sniffed or allowed to load anything.
 const SECURITY: [(HeaderName, HeaderValue); 5] = [
     (header::X_CONTENT_TYPE_OPTIONS, HeaderValue::from_static("nosniff")),
     (
@@ -39,6 +39,12 @@ const SECURITY: [(HeaderName, HeaderValue); 5] = [
     (header::X_FRAME_OPTIONS, HeaderValue::from_static("DENY")),
     (HeaderName::from_static("cross-origin-resource-policy"), HeaderValue::from_static("same-origin")),
 ];
+
+/// What the page may load: its own files, and pictures that it draws itself. No script or style may stand within HTML.
+pub(super) const PAGE_POLICY: HeaderValue = HeaderValue::from_static(
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; connect-src 'self'; worker-src 'self'; \
+     font-src 'self'; base-uri 'self'; frame-ancestors 'none'; form-action 'none'",
+);
 
 /// The outermost layer: id, span, figures, headers.
 pub(super) async fn observe(State(app): State<App>, request: Request, next: Next) -> Response {
@@ -56,17 +62,24 @@ pub(super) async fn observe(State(app): State<App>, request: Request, next: Next
     .await;
     app.metrics.request(&route, &method, response.status(), began.elapsed());
     let headers = response.headers_mut();
-    headers.extend(SECURITY);
-    headers.entry(header::CACHE_CONTROL).or_insert(HeaderValue::from_static("no-store"));
+    secure(headers);
     if let Ok(id) = HeaderValue::try_from(id.to_string()) {
         headers.insert(REQUEST_ID, id);
     }
     response
 }
 
+/// Adds what keeps a response safe where it says nothing itself.
+pub(super) fn secure(headers: &mut HeaderMap) {
+    for (name, value) in SECURITY {
+        headers.entry(name).or_insert(value);
+    }
+    headers.entry(header::CACHE_CONTROL).or_insert(HeaderValue::from_static("no-store"));
+}
+
 /// Refuses foreign names and foreign pages.
-pub(super) async fn guard(State(app): State<App>, request: Request, next: Next) -> Response {
-    match admit(app.hosts, request.uri(), request.headers()) {
+pub(super) async fn guard(State(hosts): State<HostPolicy>, request: Request, next: Next) -> Response {
+    match admit(hosts, request.uri(), request.headers()) {
         Ok(()) => next.run(request).await,
         Err(failure) => failure.into_response(),
     }

@@ -15,8 +15,10 @@ mod health;
 mod index;
 mod jobs;
 mod layers;
+mod live;
 mod metrics;
 mod openapi;
+mod page;
 mod problem;
 mod routes;
 mod scenes;
@@ -78,7 +80,7 @@ impl App {
             .method_not_allowed_fallback(async || Failure::new(Kind::MethodNotAllowed, "the resource does not take this method"))
             .layer(DefaultBodyLimit::max(usize::try_from(limits::BUNDLE_BYTES + extract::JSON_BYTES).unwrap_or(usize::MAX)))
             .layer(CatchPanicLayer::custom(layers::panicked))
-            .layer(middleware::from_fn_with_state(self.clone(), layers::guard))
+            .layer(middleware::from_fn_with_state(self.hosts, layers::guard))
             .layer(middleware::from_fn_with_state(self.clone(), layers::observe))
             .with_state(self)
     }

@@ -4,7 +4,8 @@
 //! other: a test compares them, and the problem responses of the document are generated from here.
 
 use super::{
-    App, archive, assets, bakes, catalogue::Kind, events, health, index, jobs, metrics, openapi, scenes, tiles, worker_protocol, workers,
+    App, archive, assets, bakes, catalogue::Kind, events, health, index, jobs, live, metrics, openapi, page, scenes, tiles,
+    worker_protocol, workers,
 };
 use axum::{
     Router,
@@ -90,12 +91,13 @@ impl Routes {
     }
 
     fn pages(self) -> Self {
-        self.on(Verb::Get, "/", &[], index::index).on(Verb::Get, "/problems/{slug}", &[], index::problem_page).on(
-            Verb::Get,
-            "/openapi.json",
-            &[],
-            openapi::document,
-        )
+        self.on(Verb::Get, "/", PAGE, page::dashboard)
+            .on(Verb::Get, "/jobs/{id}", &[Kind::UnknownJob, Kind::PreconditionFailed], page::job)
+            .on(Verb::Get, "/assets/{*path}", &[Kind::NotFound, Kind::PreconditionFailed], page::asset)
+            .on(Verb::Get, "/kiln-viewer.js", &[Kind::NotFound, Kind::PreconditionFailed], page::library)
+            .on(Verb::Get, "/about", &[], index::about)
+            .on(Verb::Get, "/problems/{slug}", &[], index::problem_page)
+            .on(Verb::Get, "/openapi.json", &[], openapi::document)
     }
 
     fn scenes(self) -> Self {
@@ -111,6 +113,8 @@ impl Routes {
             .on(Verb::Delete, "/v1/jobs/{id}", &[Kind::UnknownJob], jobs::delete)
             .on(Verb::Post, "/v1/jobs/{id}/cancel", &[Kind::UnknownJob], jobs::cancel)
             .on(Verb::Get, "/v1/jobs/{id}/events", &[Kind::UnknownJob, Kind::InvalidRequest], events::stream)
+            .on(Verb::Get, "/v1/jobs/{id}/scene.kiln", SCENE, live::scene)
+            .on(Verb::Get, "/v1/jobs/{id}/segments", &[Kind::UnknownJob, Kind::InvalidRequest], live::segments)
             .on(Verb::Get, "/v1/jobs/{id}/tiles", &[Kind::UnknownJob, Kind::InvalidRequest], tiles::get)
     }
 
@@ -134,6 +138,7 @@ impl Routes {
 
     fn operations(self) -> Self {
         self.on(Verb::Get, "/v1/workers", &[], workers::list)
+            .on(Verb::Get, "/v1/throughput", &[], workers::throughput)
             .on(Verb::Get, "/healthz", &[], health::healthz)
             .on(Verb::Get, "/readyz", &[Kind::NotReady], health::readyz)
             .on(Verb::Get, "/metrics", &[], metrics::render)
@@ -175,5 +180,7 @@ const NEW_JOB: &[Kind] = &[
     Kind::InvalidSettings,
     Kind::StorageFull,
 ];
+const PAGE: &[Kind] = &[Kind::PreconditionFailed];
 const FILE: &[Kind] = &[Kind::UnknownJob, Kind::UnknownAsset, Kind::JobNotDone, Kind::PreconditionFailed, Kind::RangeNotSatisfiable];
+const SCENE: &[Kind] = &[Kind::UnknownJob, Kind::JobNotDone, Kind::PreconditionFailed];
 const ARCHIVE: &[Kind] = &[Kind::UnknownJob, Kind::JobNotDone, Kind::PreconditionFailed];

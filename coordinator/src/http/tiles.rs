@@ -54,7 +54,11 @@ pub(super) async fn get(State(app): State<App>, JobInPath(job): JobInPath, Query
     Ok(Json(DoneTiles { phase, tiles_done: done.len(), runs: done.into() }))
 }
 
-fn parse(text: &str) -> Answer<TileRuns> {
+/// Runs of tiles as a query writes them.
+///
+/// # Errors
+/// Anything else, and too many of them.
+pub(super) fn parse(text: &str) -> Answer<TileRuns> {
     let wrong = || Failure::new(Kind::InvalidRequest, "runs: expected FIRST-LAST or TILE with commas between, at most 1000").field("runs");
     let mut runs = TileRuns::new();
     for (n, part) in text.split(',').enumerate() {

@@ -168,7 +168,7 @@ fn name<T: FromStr<Err: std::fmt::Display>>(text: &str) -> Result<T, Refused> {
 
 fn blob(download: Download, digest: &str) -> Reply {
     let headers = [(header::CONTENT_TYPE, "application/zstd".to_owned()), (header::CONTENT_LENGTH, download.length.to_string())];
-    let caching = assets::caching(&super::conditional::strong_etag(digest))?;
+    let caching = assets::caching(&super::conditional::strong_etag(digest), assets::IMMUTABLE)?;
     Ok((headers, caching, Body::from_stream(download.stream)).into_response())
 }
 

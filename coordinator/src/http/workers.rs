@@ -1,7 +1,7 @@
-//! `/v1/workers`: who is here.
+//! `/v1/workers` and `/v1/throughput`: who is here, and what is done.
 
 use super::{App, problem::Answer};
-use crate::records::WorkerRecord;
+use crate::records::{Throughput, WorkerRecord};
 use axum::{Json, extract::State};
 use serde::Serialize;
 use utoipa::ToSchema;
@@ -17,4 +17,10 @@ pub(super) struct WorkerList {
 #[utoipa::path(get, path = "/v1/workers", operation_id = "listWorkers", tag = "operations", responses((status = 200, description = "The workers", body = WorkerList)))]
 pub(super) async fn list(State(app): State<App>) -> Answer<Json<WorkerList>> {
     Ok(Json(WorkerList { workers: app.engine.workers().await? }))
+}
+
+/// What the farm did over the last hour, in spans of five seconds. Kept in memory, so that a restart forgets it.
+#[utoipa::path(get, path = "/v1/throughput", operation_id = "throughput", tag = "operations", responses((status = 200, description = "Sums by span", body = Throughput)))]
+pub(super) async fn throughput(State(app): State<App>) -> Json<Throughput> {
+    Json(app.engine.throughput())
 }

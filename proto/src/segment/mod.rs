@@ -228,6 +228,20 @@ impl Segment {
     }
 }
 
+/// The same segment without its raw samples, for who only looks at the light: raw samples are most of a segment that has them.
+///
+/// # Errors
+/// Bytes that are not a segment.
+pub fn without_raw(bytes: Vec<u8>) -> Result<Vec<u8>, SegmentError> {
+    match Segment::from_bytes(&bytes)? {
+        Segment::Tile(mut segment) if segment.raw != Raw::None => {
+            segment.raw = Raw::None;
+            Segment::Tile(segment).to_bytes()
+        }
+        _ => Ok(bytes),
+    }
+}
+
 fn checksum(bytes: &[u8]) -> u32 {
     crc32c::crc32c_append(crc32c::crc32c(&bytes[..CRC_AT]), &bytes[HEADER_BYTES..])
 }

@@ -132,6 +132,16 @@ fn errors_are_measured_again_where_raw_samples_came_along() {
 }
 
 #[test]
+fn raw_samples_can_be_left_out() {
+    let bare = tile(Raw::None).to_bytes().unwrap();
+    assert_eq!(without_raw(tile(Raw::U8(raw_samples())).to_bytes().unwrap()).unwrap(), bare);
+    assert_eq!(without_raw(bare.clone()).unwrap(), bare);
+    let sums = probe().to_bytes().unwrap();
+    assert_eq!(without_raw(sums.clone()).unwrap(), sums);
+    assert!(without_raw(bare[1..].to_vec()).is_err());
+}
+
+#[test]
 fn probe_sums_beyond_what_the_tile_can_see_are_refused() {
     let ask = |surface: usize, variation| {
         let Segment::Probe(mut p) = probe() else { panic!("a probe") };

@@ -6,6 +6,7 @@ use kiln_proto::{
     probe::ProbeSums,
     segment::{ProbeSegment, Raw, Rows, Segment, TexelMask, TileSegment},
     texel::SurfaceRaster,
+    tile::TileRuns,
 };
 
 struct Studio {
@@ -42,12 +43,52 @@ impl Studio {
                 (0..grid.len()).for_each(|_| errors.measure(&[[90; 3]], &[[90; 3]]));
             }
         }
+        let raw = match self.plan.settings.raw {
+            Some(_) => Raw::U8(vec![90; mask.len() * grid.len() as usize * 3]),
+            None => Raw::None,
+        };
         let walk = self.plan.probe.as_ref().unwrap().walks[surface];
         let (tile, cell) = (TileIndex(tile), planned.cell);
-        Segment::Tile(Box::new(TileSegment { tile, surface: surface as u32, cell, grid, walk, mask, errors, rows, raw: Raw::None }))
+        Segment::Tile(Box::new(TileSegment { tile, surface: surface as u32, cell, grid, walk, mask, errors, rows, raw }))
             .to_bytes()
             .unwrap()
     }
+}
+
+/// The plan in the container of a live job, if it can be read as one of a package can.
+async fn live_plan(engine: &Engine, job: JobId) -> Plan {
+    let live = engine.live_scene(job).await.unwrap();
+    kiln_proto::format::container::parse(&engine.live_scene_bytes(&live).await.unwrap()).unwrap().1
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_live_view_gets_the_light_without_raw_samples_and_the_scene_of_the_package() {
+    let rig = Rig::new();
+    let engine = Engine::open(rig.config()).await.unwrap();
+    let scene = ready_scene(&engine).await;
+    let raw = Some(kiln_proto::settings::RawFormat::U8);
+    let settings =
+        SettingsPatch { directions: Some("2x2".parse().unwrap()), texels_per_metre: Some(12.0), raw, ..SettingsPatch::default() };
+    let job = engine.create_job(NewJob { settings, ..new_job(&scene) }).await.unwrap().id;
+    let worker = Worker::join(&engine, "grey").await;
+    while !engine.job(job).await.unwrap().state.is_final() {
+        let Some(grant) = worker.lease_within(20).await else { continue };
+        let studio = Studio::new(&engine, &grant).await;
+        let segments: Vec<_> = (grant.tiles.start..grant.tiles.end).map(|t| (t, studio.segment(grant.phase, t))).collect();
+        worker.put(grant.token, 0, &pack(&segments)).await.unwrap();
+        assert_eq!(live_plan(&engine, job).await, studio.plan);
+        let body = engine.live_segments(job, &TileRuns::all(1_000), 64 << 20).await.unwrap();
+        let live = super::live::split(&body);
+        assert_eq!(live.is_empty(), grant.phase == Phase::Probe);
+        for (tile, bytes) in live {
+            let Segment::Tile(segment) = Segment::from_bytes(bytes).unwrap() else { panic!("tile {tile} is none") };
+            assert_eq!((segment.tile.0, &segment.raw), (tile, &Raw::None));
+            assert!(!segment.mask.is_empty());
+        }
+        engine.complete(grant.token, &finish()).await.unwrap();
+    }
+    let live = engine.live_scene(job).await.unwrap();
+    assert_eq!(engine.live_scene_bytes(&live).await.unwrap(), read_all(&engine, job, "scene.kiln").await);
 }
 
 #[tokio::test(flavor = "multi_thread")]

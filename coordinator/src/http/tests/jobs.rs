@@ -18,7 +18,17 @@ impl Bench {
 async fn unknown_jobs_are_not_found_whatever_is_asked_of_them() {
     let bench = Bench::new().await;
     for id in ["nonsense", "0198f2c4-1111-7222-8333-444455556666"] {
-        for rest in ["", "/events", "/tiles", "/assets", "/assets/manifest.json", "/bundle.zip", "/bundle.tar.zst"] {
+        for rest in [
+            "",
+            "/events",
+            "/tiles",
+            "/scene.kiln",
+            "/segments?runs=0",
+            "/assets",
+            "/assets/manifest.json",
+            "/bundle.zip",
+            "/bundle.tar.zst",
+        ] {
             assert_eq!(bench.get(&format!("/v1/jobs/{id}{rest}")).await.problem().1, "unknown-job", "{id}{rest}");
         }
         let cancel = Request::post(format!("/v1/jobs/{id}/cancel")).body(Body::empty()).unwrap();

@@ -2,6 +2,7 @@
 
 mod jobs;
 mod package;
+mod page;
 mod surface;
 mod tcp;
 mod uploads;

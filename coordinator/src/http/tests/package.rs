@@ -45,6 +45,9 @@ impl Pipeline for Names {
         let wrong = Problem { message: "another tile's data".into(), file: None, line: None };
         if bytes == segment(tile) { Ok(()) } else { Err(wrong) }
     }
+    fn lean(&self, bytes: Vec<u8>) -> Result<Vec<u8>, Problem> {
+        Ok(bytes)
+    }
     fn probe(&self, _: &[u8], plan: &Plan, _: TileIndex) -> Result<ProbeSums, Problem> {
         let mut sums = ProbeSums::new(plan.surfaces.len());
         sums.count(0.25);
@@ -110,10 +113,29 @@ impl Bench {
             let reply = self.send(Request::put(format!("{attempt}/chunks/0")).body(chunk(&grant).into()).unwrap()).await;
             let verdict: ChunkVerdict = from_frame(&reply.body).unwrap();
             assert_eq!(verdict.tiles.len() as u64, grant.tiles.len());
+            if grant.phase == Phase::Bake {
+                self.shows_live(job, grant.tiles.start).await;
+            }
             let finish = Finish { core_seconds: 1.0, rays: 20, peak_rss_bytes: 1, failure: None };
             assert_eq!(self.call(&format!("{attempt}/complete"), &finish).await.status, StatusCode::NO_CONTENT);
         }
         panic!("the job does not end: {record}");
+    }
+
+    /// A tile that was just accepted can be looked at.
+    async fn shows_live(&self, job: &str, tile: u64) {
+        let reply = self.get(&format!("{job}/segments?runs={tile}&max_bytes=1")).await;
+        assert_eq!(reply.headers[header::CONTENT_TYPE], "application/vnd.kiln.segments");
+        assert_eq!(reply.headers[header::CACHE_CONTROL], "no-store");
+        let plain = segment(TileIndex(tile));
+        let expected = [&tile.to_le_bytes()[..], &(plain.len() as u32).to_le_bytes(), &plain].concat();
+        assert_eq!(&reply.body[..], expected);
+        for (query, field) in
+            [("", "runs"), ("?runs=x", "runs"), ("?runs=0&max_bytes=0", "max_bytes"), ("?runs=0&max_bytes=67108865", "max_bytes")]
+        {
+            let (status, kind, detail) = self.get(&format!("{job}/segments{query}")).await.problem();
+            assert!((status, kind.as_str()) == (400, "invalid-request") && detail.contains(field), "{query}: {detail}");
+        }
     }
 
     async fn get_with(&self, path: &str, name: header::HeaderName, value: &str) -> Reply {
@@ -139,6 +161,13 @@ async fn a_scene_becomes_a_package_over_http() {
     let expected: Vec<u8> = (0..count).flat_map(|tile| segment(TileIndex(tile))).collect();
     files_come_whole_and_in_parts(&bench, &job, &expected).await;
     archives_hold_the_package(&bench, &job, &expected).await;
+    scene_and_plan_come_with_a_tag(&bench, &job).await;
+    assert_eq!(bench.get(&format!("{job}/segments?runs=0-99")).await.body, "");
+    let worked = bench.get("/v1/workers").await.json()["workers"][0].clone();
+    assert!(worked["rays_per_second"].as_f64().unwrap() > 0.0 && worked["texels_per_second"].as_f64().unwrap() > 0.0, "{worked}");
+    let throughput = bench.get("/v1/throughput").await.json();
+    let sum = |field: &str| throughput["points"].as_array().unwrap().iter().map(|point| point[field].as_u64().unwrap()).sum::<u64>();
+    assert!(throughput["interval_ms"] == 5_000 && sum("rays") >= 20 && sum("tiles") > count && sum("texels") > 0, "{throughput}");
     let figures = String::from_utf8(bench.get("/metrics").await.body.to_vec()).unwrap();
     assert!(figures.contains("kiln_jobs{state=\"done\"} 1") && !figures.contains("kiln_rays_total 0"), "{figures}");
     assert_eq!(bench.get(&format!("{job}/assets/none.such")).await.problem().1, "unknown-asset");
@@ -160,6 +189,18 @@ async fn files_come_whole_and_in_parts(bench: &Bench, job: &str, expected: &[u8]
     assert_eq!((held.status, held.body.len()), (StatusCode::NOT_MODIFIED, 0));
     let head = bench.send(Request::head(&path).body(Body::empty()).unwrap()).await;
     assert_eq!((head.headers[header::CONTENT_LENGTH].to_str().unwrap(), head.body.len()), (expected.len().to_string().as_str(), 0));
+}
+
+async fn scene_and_plan_come_with_a_tag(bench: &Bench, job: &str) {
+    let path = format!("{job}/scene.kiln");
+    let whole = bench.get(&path).await;
+    let (scene, plan) = kiln_proto::format::container::parse(&whole.body).unwrap();
+    assert!(scene.surfaces[0].name == "floor" && plan.probe.is_some());
+    assert_eq!(whole.headers[header::CACHE_CONTROL], "no-cache");
+    let etag = whole.headers[header::ETAG].to_str().unwrap();
+    let held = bench.get_with(&path, header::IF_NONE_MATCH, etag).await;
+    assert_eq!((held.status, held.body.len()), (StatusCode::NOT_MODIFIED, 0));
+    assert_eq!(bench.get_with(&path, header::IF_MATCH, "\"other\"").await.problem().1, "precondition-failed");
 }
 
 async fn archives_hold_the_package(bench: &Bench, job: &str, expected: &[u8]) {

@@ -7,7 +7,7 @@ use axum::{http::Method, routing::get};
 #[tokio::test]
 async fn every_answer_carries_the_security_headers_and_an_id() {
     let bench = Bench::new().await;
-    for path in ["/", "/healthz", "/nowhere", "/v1/jobs?limt=3", "/openapi.json"] {
+    for path in ["/", "/about", "/healthz", "/nowhere", "/v1/jobs?limt=3", "/openapi.json"] {
         let reply = bench.get(path).await;
         assert_eq!(reply.headers[header::X_CONTENT_TYPE_OPTIONS], "nosniff", "{path}");
         assert!(reply.headers[header::CONTENT_SECURITY_POLICY].to_str().unwrap().starts_with("default-src 'none'"), "{path}");

@@ -50,6 +50,9 @@ fn row(row: &SqliteRow) -> Result<WorkerRecord, StoreError> {
         rays: number("rays")?,
         core_seconds: row.try_get("core_seconds")?,
         peak_rss_bytes: number("peak_rss")?,
+        // Of the moment: the engine knows them.
+        rays_per_second: 0.0,
+        texels_per_second: 0.0,
     })
 }
 
