@@ -37,11 +37,6 @@ export async function open(gpu, options = {}) {
 /** Tells the Rust side where the script is; it may act then. */
 export const say = (at, more = {}) => console.log(JSON.stringify({ at, ...more }));
 
-/** Waits for a line from the Rust side. */
-export function told() {
-  return new Promise((resolve) => process.stdin.once('data', (data) => resolve(String(data).trim())));
-}
-
 /** Runs a script's body; any error is its failure. */
 export async function script(body) {
   try {

@@ -1,13 +1,13 @@
 //! Browser scripts as child processes: `tests/browser/*.mjs` drive Chromium, Rust starts and kills the servers around them.
 //!
-//! A script says where it is with lines of JSON (`{"at": "watching"}`); the test acts then, and may tell it so. What happens in the page is judged in the
+//! A script says where it is with lines of JSON (`{"at": "watching"}`); the test acts then. What happens in the page is judged in the
 //! script, what needs the reference renderer is judged here.
 
 use crate::harness::{PATIENCE, Process};
 use serde_json::Value;
 use std::{
     ffi::OsStr,
-    io::{BufRead, BufReader, Read, Write},
+    io::{BufRead, BufReader, Read},
     path::{Path, PathBuf},
     process::{Command, Stdio},
     sync::mpsc::{Receiver, channel},
@@ -41,7 +41,7 @@ impl Script {
         command.arg(folder.join(name)).args(args);
         // A process group of its own, so that the browser goes when the script is killed.
         std::os::unix::process::CommandExt::process_group(&mut command, 0);
-        let spawned = command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn();
+        let spawned = command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn();
         let mut child = spawned.expect("the browser tests need node 20.19 or newer");
         let (send, lines) = channel();
         let stdout = BufReader::new(child.stdout.take().unwrap());
@@ -66,11 +66,6 @@ impl Script {
                 return said;
             }
         }
-    }
-
-    /// Says a word to the script.
-    pub(crate) fn tell(&mut self, word: &str) {
-        writeln!(self.process.0.stdin.as_mut().unwrap(), "{word}").unwrap();
     }
 
     /// Waits for its end, which must be a good one; everything that it said and nobody has waited for.

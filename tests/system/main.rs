@@ -4,9 +4,13 @@
 
 mod bad_input;
 mod bake;
+mod browser;
 mod determinism;
 mod faults;
 mod full_disk;
 mod harness;
+mod page;
+mod page_job;
+mod page_parity;
 mod reference;
 mod service;
