@@ -171,20 +171,10 @@ impl Server {
         Self::spawn(command)
     }
 
-    fn spawn(mut command: Command) -> Self {
-        let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
-        let mut first = String::new();
-        BufReader::new(child.stdout.take().unwrap()).read_line(&mut first).unwrap();
-        let Ok(said) = serde_json::from_str::<Value>(&first) else {
-            let mut error = String::new();
-            child.stderr.take().unwrap().read_to_string(&mut error).ok();
-            panic!("kiln serve did not start: {error}");
-        };
-        // Nobody reads its log from here on; a full pipe must not stop it.
-        let mut log = child.stderr.take().unwrap();
-        std::thread::spawn(move || std::io::copy(&mut log, &mut std::io::sink()));
+    fn spawn(command: Command) -> Self {
+        let (process, said) = announced(command);
         let port = u16::try_from(said["port"].as_u64().unwrap()).unwrap();
-        Self { process: Process(child), url: said["url"].as_str().unwrap().to_owned(), port }
+        Self { process, url: said["url"].as_str().unwrap().to_owned(), port }
     }
 
     /// A coordinator whose leases are short, so that a silent worker is noticed in a test's time.
@@ -249,6 +239,22 @@ impl Server {
         self.wait_for(job, "the end", |r| r["state"] == "done");
         succeed(["fetch", job, "--server", &self.url, "-o", dir.to_str().unwrap()]);
     }
+}
+
+/// Starts a command that serves until it is stopped, and reads the line of JSON with which it says where.
+pub(crate) fn announced(mut command: Command) -> (Process, Value) {
+    let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let mut first = String::new();
+    BufReader::new(child.stdout.take().unwrap()).read_line(&mut first).unwrap();
+    let Ok(said) = serde_json::from_str::<Value>(&first) else {
+        let mut error = String::new();
+        child.stderr.take().unwrap().read_to_string(&mut error).ok();
+        panic!("kiln did not start to serve: {error}");
+    };
+    // Nobody reads its log from here on; a full pipe must not stop it.
+    let mut log = child.stderr.take().unwrap();
+    std::thread::spawn(move || std::io::copy(&mut log, &mut std::io::sink()));
+    (Process(child), said)
 }
 
 /// A runtime for one request.

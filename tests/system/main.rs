@@ -10,3 +10,4 @@ mod full_disk;
 mod harness;
 mod reference;
 mod service;
+mod viewer;
