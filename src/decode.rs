@@ -1,8 +1,13 @@
 //! `kiln decode`: the light field as numbers, for comparison with other renderers.
 
-use crate::package::{CodedFiles, Package, RawFiles, RawTexels, Run, ToolError, Trust, io_fault};
+use crate::{
+    bake_settings::word,
+    package::{Coded, Package, Raw, ToolError, io_fault},
+};
+use kiln_coordinator::preview::Origin;
 use kiln_proto::{
     codec::pwl::{Order, Sample, decode_row},
+    format::stream::{RawTexels, ReadError, Run, Trust},
     texel::Texel,
     units::byte_to_radiance,
 };
@@ -29,18 +34,9 @@ pub(crate) struct Args {
     /// Seed of the choice.
     #[arg(long, default_value_t = 0)]
     pub(crate) seed: u64,
-    /// Where radiance comes from: the kept raw samples, or the decoded files.
-    #[arg(long, value_enum, default_value_t = Origin::Codec)]
+    /// Where radiance comes from: raw for the kept samples, codec for the decoded files.
+    #[arg(long, value_parser = word::<Origin>, default_value = "codec")]
     pub(crate) from: Origin,
-}
-
-/// Where radiance comes from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-pub(crate) enum Origin {
-    /// `.mtex`.
-    Raw,
-    /// `.mtsp`, `.mti`, `.mtnc`, `.mtm`.
-    Codec,
 }
 
 const COLUMNS: [&str; 17] = ["surface", "tx", "ty", "i", "j", "px", "py", "pz", "nx", "ny", "nz", "dx", "dy", "dz", "r", "g", "b"];
@@ -80,8 +76,8 @@ fn chosen(package: &Package, names: &[String]) -> Result<Vec<usize>, ToolError> 
 
 /// Where the radiance of one surface is read from.
 enum Source {
-    Raw(RawFiles),
-    Codec(CodedFiles, Order),
+    Raw(Raw),
+    Codec(Coded, Order),
 }
 
 impl Source {
@@ -96,7 +92,7 @@ impl Source {
     fn radiance(&self, package: &Package, surface: usize, texel: &Texel) -> Result<Vec<[f32; 3]>, ToolError> {
         let width = u64::from(package.plan.surfaces[surface].size.width);
         let run = Run { first: u64::from(texel.y) * width + u64::from(texel.x), count: 1 };
-        let exposure = package.exposure_factor();
+        let exposure = package.plan.exposure().factor();
         let linear = |samples: &[Sample]| samples.iter().map(|rgb| rgb.map(|v| byte_to_radiance(v, exposure))).collect();
         match self {
             Source::Raw(raw) => Ok(match raw.read(&[run])? {
@@ -106,8 +102,8 @@ impl Source {
             Source::Codec(files, order) => {
                 let mut samples = vec![Sample::default(); order.len()];
                 let name = || package.scene.surfaces[surface].name.clone();
-                for kept in files.read(run)? {
-                    decode_row(&kept, order, &mut samples).map_err(|source| ToolError::Texel {
+                for kept in files.read(run)?.iter() {
+                    decode_row(kept, order, &mut samples).map_err(|source| ReadError::Texel {
                         surface: name(),
                         x: texel.x,
                         y: texel.y,

@@ -6,14 +6,17 @@
 use crate::{
     bake_settings::{RuleArgs, word},
     fetch::{OutputFolder, check_target},
-    package::{Package, RawFiles, RawTexels, ToolError, Trust, io_fault, runs},
+    package::{Package, Raw, ToolError, io_fault},
 };
 use kiln_coordinator::{
     assemble::{Published, SourceError, SurfaceReport, assemble_surface, write_manifest},
     blob::publish,
 };
 use kiln_proto::{
-    format::manifest,
+    format::{
+        manifest,
+        stream::{RawTexels, Trust, runs},
+    },
     plan::Plan,
     settings::{Codec, RawFormat, SettingsPatch},
     texel::SurfaceRaster,
@@ -125,7 +128,7 @@ fn segment(
     tile: TileIndex,
     planned: &kiln_proto::plan::PlannedTile,
     raster: &SurfaceRaster,
-    raw: &RawFiles,
+    raw: &Raw,
 ) -> Result<Vec<u8>, ToolError> {
     let rows = raster.tile(planned.cell);
     let bytes = match raw.read(&runs(&rows, plan.surfaces[surface].size.width))? {

@@ -18,6 +18,7 @@ mod inspect;
 mod output;
 mod package;
 mod progress;
+mod render;
 mod serve;
 mod submit;
 mod table;
@@ -63,6 +64,7 @@ enum Command {
     Encode(encode::Args),
     Decode(decode::Args),
     Eval(eval::EvalArgs),
+    Render(render::Args),
     Config(config::ConfigArgs),
 }
 
@@ -90,6 +92,7 @@ fn run(cli: &Cli) -> Result<(), CommandError> {
         Command::Inspect(args) => tool(inspect::run(args, json, &mut std::io::stdout().lock())),
         Command::Encode(args) => tool(encode::run(args, json, &mut std::io::stdout().lock())),
         Command::Decode(args) => tool(decode::run(args, json, &mut std::io::stdout().lock())),
+        Command::Render(args) => tool(render::run(args, json, &mut std::io::stdout().lock())),
         Command::Eval(args) => eval::run(args, json),
         Command::Config(args) => config::run(args, json),
         networked => {
@@ -115,7 +118,7 @@ async fn run_networked(command: &Command, json: bool) -> Result<(), CommandError
         Command::View(args) => view::run(args, json).await,
         Command::Cancel(args) => watch::cancel(args, json).await,
         Command::Jobs(args) => watch::jobs(args, json).await,
-        Command::Inspect(_) | Command::Encode(_) | Command::Decode(_) | Command::Eval(_) | Command::Config(_) => {
+        Command::Inspect(_) | Command::Encode(_) | Command::Decode(_) | Command::Render(_) | Command::Eval(_) | Command::Config(_) => {
             Err(CommandError::usage("this command does not talk to a coordinator"))
         }
     }

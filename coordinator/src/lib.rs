@@ -14,6 +14,7 @@ pub mod import;
 pub mod job;
 pub mod lease;
 pub mod page;
+pub mod preview;
 pub mod records;
 pub mod split;
 pub mod store;

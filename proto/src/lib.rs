@@ -12,6 +12,7 @@ pub mod frame;
 pub mod grid;
 pub mod ids;
 pub mod limits;
+pub mod lookup;
 pub mod math;
 pub mod plan;
 pub mod probe;

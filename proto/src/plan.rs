@@ -5,6 +5,8 @@
 //! with a new digest, which is how they reach every worker.
 
 use crate::{
+    codec::pwl::Order,
+    format::stream::Shape,
     grid::Walk,
     ids::{Digest, SceneHash},
     limits,
@@ -115,6 +117,25 @@ impl Plan {
     #[must_use]
     pub fn covered(&self) -> u64 {
         self.surfaces.iter().map(|s| s.covered).sum()
+    }
+
+    /// The order in which a surface's samples are walked: by azimuth before the Probe phase has chosen.
+    #[must_use]
+    pub fn order(&self, surface: usize) -> Order {
+        let walk = self.probe.as_ref().and_then(|p| p.walks.get(surface)).copied().unwrap_or_default();
+        Order::new(self.settings.directions, walk)
+    }
+
+    /// The exposure of the 8-bit coding: none before the Probe phase has found it.
+    #[must_use]
+    pub fn exposure(&self) -> Exposure {
+        self.probe.as_ref().map(|p| p.exposure).unwrap_or_default()
+    }
+
+    /// What a surface's files say in their headers.
+    #[must_use]
+    pub fn shape(&self, surface: usize) -> Shape {
+        Shape { size: self.surfaces[surface].size, directions: self.settings.directions.len() }
     }
 
     /// Number of tiles of a phase.

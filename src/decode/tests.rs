@@ -26,7 +26,7 @@ fn raw_radiance_comes_back_bit_by_bit_and_decoded_radiance_within_its_bound() {
     let dir = tempfile::tempdir().unwrap();
     fixture::bake(dir.path(), fixture::settings(Rule::Bounded { eps: 1 }, Some(RawFormat::F32)));
     let package = Package::open(dir.path()).unwrap();
-    let (raster, exposure) = (package.raster(0), package.exposure_factor());
+    let (raster, exposure) = (package.raster(0), package.plan.exposure().factor());
     let raw = decode(dir.path(), |a| a.from = Origin::Raw).unwrap();
     let coded = decode(dir.path(), |_| {}).unwrap();
     assert_eq!((raw.len(), coded.len()), (35 * 33 * 24, 35 * 33 * 24), "the lamp is left out");

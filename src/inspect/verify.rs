@@ -4,11 +4,14 @@
 
 mod files;
 
-use crate::package::{CodedFiles, Package, RawFiles, Run, ToolError, Trust, runs};
+use crate::package::{Coded, Package, Raw, ToolError};
 use kiln_coordinator::assemble::{SurfaceReport, describe};
 use kiln_proto::{
     codec::pwl::{ErrorStats, Kept, Order, Sample, decode_row},
-    format::{FileRecord, container},
+    format::{
+        FileRecord, container,
+        stream::{ReadError, Run, Trust, runs},
+    },
     plan::PlannedTile,
     settings::Rule,
     texel::{Row, SurfaceRaster},
@@ -94,7 +97,7 @@ pub(super) fn verify(package: &Package) -> Result<Verification, ToolError> {
     Ok(verification)
 }
 
-fn measure(package: &Package, surface: usize) -> Result<(Measured, CodedFiles), ToolError> {
+fn measure(package: &Package, surface: usize) -> Result<(Measured, Coded), ToolError> {
     let coded = package.coded(surface, Trust::Hashed)?;
     let raw = package.plan.settings.raw.map(|_| package.raw(surface, Trust::Hashed)).transpose()?;
     let (raster, order) = (package.raster(surface), package.order(surface));
@@ -108,8 +111,8 @@ fn measure_tile(
     surface: usize,
     tile: PlannedTile,
     (raster, order): (&SurfaceRaster, &Order),
-    coded: &CodedFiles,
-    raw: Option<&RawFiles>,
+    coded: &Coded,
+    raw: Option<&Raw>,
 ) -> Result<Measured, ToolError> {
     let rows = raster.tile(tile.cell);
     let runs = runs(&rows, package.plan.surfaces[surface].size.width);
@@ -117,9 +120,9 @@ fn measure_tile(
     let mut out = Measured { texels: rows.len() as u64, ..Measured::default() };
     let mut decoded = vec![Sample::default(); order.len()];
     let kept = runs.iter().map(|run| coded.read(*run)).collect::<Result<Vec<_>, _>>()?;
-    for (k, (row, kept)) in rows.iter().zip(kept.iter().flatten()).enumerate() {
+    for (k, (row, kept)) in rows.iter().zip(kept.iter().flat_map(|k| k.iter())).enumerate() {
         let name = || package.scene.surfaces[surface].name.clone();
-        decode_row(kept, order, &mut decoded).map_err(|source| ToolError::Texel { surface: name(), x: row.x, y: row.y, source })?;
+        decode_row(kept, order, &mut decoded).map_err(|source| ReadError::Texel { surface: name(), x: row.x, y: row.y, source })?;
         out.kept += kept.len() as u64;
         if row.is_covered() {
             out.covered += 1;
@@ -135,13 +138,7 @@ fn measure_tile(
 }
 
 /// Whether a gutter texel, which keeps `kept`, differs from the covered texel that it borrows from.
-fn strays(
-    package: &Package,
-    surface: usize,
-    row: Row,
-    (coded, kept): (&CodedFiles, &[Kept]),
-    raw: Option<&RawFiles>,
-) -> Result<bool, ToolError> {
+fn strays(package: &Package, surface: usize, row: Row, (coded, kept): (&Coded, &[Kept]), raw: Option<&Raw>) -> Result<bool, ToolError> {
     let width = u64::from(package.plan.surfaces[surface].size.width);
     let run = |(x, y): (u32, u32)| Run { first: u64::from(y) * width + u64::from(x), count: 1 };
     if coded.read(run(row.source))?.iter().any(|source| source != kept) {
@@ -151,7 +148,7 @@ fn strays(
 }
 
 /// What a surface breaks beside the manifest's numbers: the bound of its rule, the form of its colour map, its gutter.
-fn faults(package: &Package, surface: usize, measured: &Measured, coded: &CodedFiles) -> Vec<String> {
+fn faults(package: &Package, surface: usize, measured: &Measured, coded: &Coded) -> Vec<String> {
     let claim = &package.manifest.surfaces[surface];
     // Without raw radiance the claim is all there is; it can still contradict the rule.
     let (found, max) = match package.plan.settings.raw {
@@ -177,7 +174,7 @@ fn bound(rule: Rule) -> Option<u8> {
 }
 
 /// The report that an assembly of these files would have given.
-fn report(package: &Package, surface: usize, measured: &Measured, coded: &CodedFiles, files: &[FileRecord]) -> SurfaceReport {
+fn report(package: &Package, surface: usize, measured: &Measured, coded: &Coded, files: &[FileRecord]) -> SurfaceReport {
     let own: Vec<String> = files::required(package, &package.scene.surfaces[surface]).collect();
     let (colours, colour_bits) = coded.colour_map();
     let samples = package.plan.surfaces[surface].covered * u64::from(package.plan.settings.directions.len());
@@ -211,8 +208,8 @@ fn compare(package: &Package, reports: &[SurfaceReport], files: &[FileRecord]) -
     let kept: Vec<_> = reports.iter().map(|r| (package.scene.surfaces[r.surface].name.as_str(), r.kept_samples)).collect();
     for (name, found) in kept {
         let coded = package.coded(package.scene.surface(name).map_or(0, |(index, _)| index), Trust::Hashed)?;
-        if coded.samples != found {
-            differences.push(format!("surface `{name}`: {} samples are stored, {found} belong to its texels", coded.samples));
+        if coded.samples() != found {
+            differences.push(format!("surface `{name}`: {} samples are stored, {found} belong to its texels", coded.samples()));
         }
     }
     Ok(differences)

@@ -46,6 +46,12 @@ export class LightFieldObject extends Group {
     this.add(...this.surfaces.map((view) => view.group));
   }
 
+  /** Bytes that {@link prepare} would take. */
+  plannedBytes({ scheme, budget }: Pick<PrepareOptions, 'scheme' | 'budget'>): number {
+    const costs = this.surfaces.map((view) => view.costs());
+    return fitBudget(costs, budget, scheme).reduce((sum, chosen, i) => sum + (costs[i][chosen] ?? 0), 0);
+  }
+
   /** Lays out and fills the textures. Resolves when all is on the GPU; what is not there yet is drawn as a draft. */
   async prepare({ scheme, budget, changed }: PrepareOptions): Promise<void> {
     const schemes = fitBudget(this.surfaces.map((view) => view.costs()), budget, scheme);
@@ -65,11 +71,30 @@ export class LightFieldObject extends Group {
     await Promise.all(work);
   }
 
-  /** Makes a look drawable; it is drawn by {@link show}. */
-  async ensure(look: Look): Promise<void> {
+  /**
+   * Makes a look drawable; it is drawn by {@link show}. Ends early where `wanted` says no more. Throws where raw radiance beside what is shown
+   * would pass `budget` bytes.
+   */
+  async ensure(look: Look, budget: number, wanted: () => boolean): Promise<void> {
+    if (look === 'raw') this.checkRaw(budget);
     for (const view of this.surfaces) {
+      if (!wanted()) return;
       if (look === 'mean') await view.ensureMean(this.renderer, this.pool);
       if (look === 'raw') await view.ensureRaw(this.renderer);
+    }
+  }
+
+  /** Lets go of raw radiance that was there for comparison. */
+  releaseRaw(): void {
+    this.surfaces.forEach((view) => view.releaseRaw());
+  }
+
+  private checkRaw(budget: number): void {
+    const more = this.surfaces.reduce((sum, view) => sum + (view.scheme === 'raw' ? 0 : (view.costs().raw ?? 0)), 0);
+    const mib = (bytes: number) => Math.ceil(bytes / 2 ** 20);
+    const all = more + this.plannedBytes({ scheme: 'auto', budget });
+    if (this.surfaces.some((view) => view.scheme !== 'raw') && all > budget) {
+      throw new Error(`Raw radiance takes ${mib(more)} MiB beside what is shown; the memory budget is ${mib(budget)} MiB: set memory-budget to ${mib(all)} or more`);
     }
   }
 

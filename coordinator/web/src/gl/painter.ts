@@ -13,7 +13,7 @@ import { errorProgram } from './shaders.ts';
 /** sRGB of what lies behind the scene; `kiln render` has the same. */
 export const BACKGROUND = 0x202428;
 /** Levels at the end of the error scale. */
-export const ERROR_RANGE = 16;
+export const ERROR_RANGE = 8;
 
 export class Painter {
   private readonly renderer: WebGLRenderer;
@@ -23,7 +23,7 @@ export class Painter {
 
   constructor(renderer: WebGLRenderer) {
     this.renderer = renderer;
-    renderer.setClearColor(new Color(BACKGROUND), 1);
+    this.settle();
     const triangle = new BufferGeometry();
     triangle.setAttribute('position', new BufferAttribute(new Float32Array([-1, -1, 0, 3, -1, 0, -1, 3, 0]), 3));
     const material = new RawShaderMaterial({
@@ -43,6 +43,11 @@ export class Painter {
     });
     this.errorMesh = new Mesh(triangle, material);
     this.errorMesh.frustumCulled = false;
+  }
+
+  /** State that a context begins without, also one that comes back. */
+  settle(): void {
+    this.renderer.setClearColor(new Color(BACKGROUND), 1);
   }
 
   /** One frame on the canvas. */

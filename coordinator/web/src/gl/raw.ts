@@ -8,6 +8,8 @@ import type { Layers } from './textures.ts';
 
 /** 1 in half-float. */
 const ONE = DataUtils.toHalfFloat(1);
+/** The largest half-float. */
+const MOST = 65504;
 
 /** The samples of a surface in bands of at most `bytes`. */
 export function* rawLayers(file: Uint8Array, surface: FieldSurface, directions: number, bytes: number): Iterable<Layers> {
@@ -18,30 +20,54 @@ export function* rawLayers(file: Uint8Array, surface: FieldSurface, directions: 
     throw new FormatError(`${name}: it has another texture size or depth than the manifest says`);
   }
   const rows = Math.max(1, Math.floor(bytes / (width * directions * 4)));
+  const samples = header.bits === 8 ? payload : floats(payload);
   for (let y = 0; y < height; y += rows) {
     const band = Math.min(rows, height - y);
-    const texels = width * band;
-    const data = header.bits === 8 ? new Uint8Array(texels * directions * 4) : new Uint16Array(texels * directions * 4);
-    const read = header.bits === 8 ? bytesAt(payload) : halvesAt(payload);
-    const one = header.bits === 8 ? 255 : ONE;
-    for (let t = 0; t < texels; t++) {
-      if (!surface.source.texel(t % width, y + Math.floor(t / width))) continue;
-      let from = (y * width + t) * directions * 3;
-      for (let depth = 0; depth < directions; depth++, from += 3) {
-        const to = (depth * texels + t) * 4;
-        data[to] = read(from);
-        data[to + 1] = read(from + 1);
-        data[to + 2] = read(from + 2);
-        data[to + 3] = one;
-      }
-    }
-    yield { x: 0, y, width, height: band, data };
+    const lit = Uint8Array.from({ length: width * band }, (_, t) => (surface.source.texel(t % width, y + Math.floor(t / width)) ? 1 : 0));
+    const part = samples.subarray(y * width * directions * 3, (y + band) * width * directions * 3);
+    yield { x: 0, y, width, height: band, data: part instanceof Float32Array ? halves(part, lit, directions) : bytesOf(part, lit, directions) };
   }
 }
 
-const bytesAt = (payload: Uint8Array) => (i: number) => payload[i];
+/** From texel by texel to direction by direction. */
+function bytesOf(part: Uint8Array, lit: Uint8Array, directions: number): Uint8Array {
+  const texels = lit.length;
+  const out = new Uint8Array(texels * directions * 4);
+  for (let t = 0, from = 0; t < texels; t++) {
+    for (let depth = 0; depth < directions; depth++, from += 3) {
+      if (!lit[t]) continue;
+      const to = (depth * texels + t) * 4;
+      out[to] = part[from];
+      out[to + 1] = part[from + 1];
+      out[to + 2] = part[from + 2];
+      out[to + 3] = 255;
+    }
+  }
+  return out;
+}
 
-function halvesAt(payload: Uint8Array): (i: number) => number {
+/** The same in half floats; what is too bright for them is cut. */
+function halves(part: Float32Array, lit: Uint8Array, directions: number): Uint16Array {
+  const texels = lit.length;
+  const out = new Uint16Array(texels * directions * 4);
+  const half = (v: number) => DataUtils.toHalfFloat(v > MOST ? MOST : v);
+  for (let t = 0, from = 0; t < texels; t++) {
+    for (let depth = 0; depth < directions; depth++, from += 3) {
+      if (!lit[t]) continue;
+      const to = (depth * texels + t) * 4;
+      out[to] = half(part[from]);
+      out[to + 1] = half(part[from + 1]);
+      out[to + 2] = half(part[from + 2]);
+      out[to + 3] = ONE;
+    }
+  }
+  return out;
+}
+
+/** Little-endian floats, copied: a file may lie anywhere in its buffer. */
+function floats(payload: Uint8Array): Float32Array {
+  const out = new Float32Array(payload.length / 4);
   const view = new DataView(payload.buffer, payload.byteOffset, payload.byteLength);
-  return (i) => DataUtils.toHalfFloat(Math.min(65504, Math.max(0, view.getFloat32(i * 4, true))));
+  for (let i = 0; i < out.length; i++) out[i] = view.getFloat32(i * 4, true);
+  return out;
 }

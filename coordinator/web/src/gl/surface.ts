@@ -46,6 +46,9 @@ export class SurfaceView {
   private readonly empty: RawShaderMaterial;
   /** By look and filter; made when first drawn. */
   private readonly materials = new Map<string, RawShaderMaterial>();
+  /** Counts layouts: work that was begun for textures that are gone writes nothing. */
+  private generation = 0;
+  private rawGeneration = 0;
   private look: Look = 'shown';
   private hardware = true;
 
@@ -123,11 +126,10 @@ export class SurfaceView {
 
   /** Decodes and writes blocks: of the whole surface, or of a tile that has just arrived. */
   async fillBlocks(renderer: WebGLRenderer, pool: ExpandPool, blocks: Iterable<Block>, each: () => void): Promise<void> {
-    const [samples, mean] = [this.samples, this.mean];
+    const { samples, mean, generation } = this;
     const write = async (block: Block) => {
       const expanded = await pool.expand(block, this.field.grid, this.surface.walk, samples !== null);
-      // Laid out anew meanwhile: these blocks belong to textures that are gone.
-      if (samples !== this.samples || mean !== this.mean) return;
+      if (generation !== this.generation) return;
       if (samples && expanded.layers) {
         const layers = { ...expanded, data: expanded.layers };
         writeLayers(renderer, samples.held.texture, samples.layout, this.surface.plan, fieldDirections(this.field), layers);
@@ -147,10 +149,10 @@ export class SurfaceView {
   async ensureMean(renderer: WebGLRenderer, pool: ExpandPool): Promise<void> {
     if (this.looks.mean) return;
     this.beginMean();
-    const mean = this.mean;
+    const { mean, generation } = this;
     for (const block of this.surface.source.blocks(BLOCK_BYTES)) {
       const expanded = await pool.expand(block, this.field.grid, this.surface.walk, false);
-      if (mean !== this.mean || !mean) return;
+      if (generation !== this.generation || !mean) return;
       writeMean(renderer, mean.texture, expanded);
     }
   }
@@ -164,8 +166,24 @@ export class SurfaceView {
     }
     if (!this.costs().raw) throw new Error(`${this.surface.name}: this GPU's textures cannot hold its raw radiance`);
     const held = this.makeSamples('raw');
-    await this.writeRaw(renderer, held, () => {});
+    // Known from the start, so that a layout that comes in between lets go of it.
     this.looks.raw = held.drawable;
+    await this.writeRaw(renderer, held, () => {});
+  }
+
+  /** Lets go of raw radiance, unless it is what is shown. */
+  releaseRaw(): void {
+    const { raw } = this.looks;
+    if (!raw || raw === this.looks.shown) return;
+    delete this.looks.raw;
+    raw.textures.forEach((texture) => texture.dispose());
+    for (const key of [...this.materials.keys()].filter((k) => k.startsWith('raw '))) {
+      this.materials.get(key)?.dispose();
+      this.materials.delete(key);
+    }
+    // Bands that are still being written belong to it.
+    this.rawGeneration++;
+    this.apply();
   }
 
   /** Chooses what is drawn and how texels are interpolated. */
@@ -228,11 +246,15 @@ export class SurfaceView {
 
   private async writeRaw(renderer: WebGLRenderer, target: { held: Held<DataArrayTexture>; layout: ArrayLayout }, each: () => void): Promise<void> {
     if (!this.field.loadRaw) throw new Error('the package kept no raw radiance; bake with --raw u8 or --raw f32');
+    const { generation, rawGeneration } = this;
     const file = await this.field.loadRaw(this.surface.index);
     const directions = fieldDirections(this.field);
     for (const layers of rawLayers(file, this.surface, directions, BLOCK_BYTES)) {
+      if (generation !== this.generation || rawGeneration !== this.rawGeneration) return;
       writeLayers(renderer, target.held.texture, target.layout, this.surface.plan, directions, layers);
       each();
+      // A breath between bands: the view must not freeze while hundreds of megabytes are sorted.
+      await new Promise((resolve) => setTimeout(resolve));
     }
   }
 
@@ -244,6 +266,7 @@ export class SurfaceView {
     this.materials.clear();
     this.samples = null;
     this.mean = null;
+    this.generation++;
   }
 }
 

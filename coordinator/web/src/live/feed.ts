@@ -6,7 +6,7 @@
  * follower's affair.
  */
 
-import type { KilnViewerElement } from '../viewer/api.ts';
+import type { ErrorDetail, KilnViewerElement } from '../viewer/api.ts';
 import { askBytes, serviceUrl } from './http.ts';
 import { type JobRecord, type Phase, isFinal } from './records.ts';
 import { type TileRun, formatRuns } from './runs.ts';
@@ -37,6 +37,9 @@ export class LiveFeed {
   private pausedUntil = 0;
   private timer: number | undefined;
   private finished = false;
+  /** The package could not be loaded, and the coordinator was away since. */
+  private failed = false;
+  private absent = false;
 
   /** `onFault` hears, as a sentence, of what the viewer could not show. */
   constructor(
@@ -48,7 +51,8 @@ export class LiveFeed {
   /** The job is in this state now. */
   update(state: FollowState): void {
     this.state = state;
-    if (this.finished || !state.job || state.gone) return;
+    if (this.finished) return this.loadAgain(state);
+    if (!state.job || state.gone) return;
     if (state.job.state === 'done') this.showPackage();
     else if (isFinal(state.job.state)) this.stop();
     else this.pump(COALESCE_MS);
@@ -64,9 +68,28 @@ export class LiveFeed {
   private showPackage(): void {
     this.stop();
     const { viewer } = this;
-    const camera = viewer.model ? viewer.getCamera() : null;
-    if (camera) viewer.addEventListener('load', () => viewer.setCamera(camera.eye, camera.target, camera.fieldOfView), { once: true });
-    viewer.src = serviceUrl(`v1/jobs/${encodeURIComponent(this.job)}/assets/manifest.json`);
+    if (viewer.model) {
+      // A camera that was placed stays where it is; one that was not is placed anew for what is loaded.
+      const { eye, target, fieldOfView } = viewer.getCamera();
+      viewer.setCamera(eye, target, fieldOfView);
+    }
+    viewer.addEventListener('error', (event) => {
+      this.failed ||= (event as Event as CustomEvent<ErrorDetail>).detail?.type === 'loadfailure';
+    });
+    viewer.src = serviceUrl(this.path('assets/manifest.json'));
+  }
+
+  /** A package that an absence cut off is loaded again after it; one that is damaged would only fail again. */
+  private loadAgain({ awaySince, gone }: FollowState): void {
+    if (!this.failed || gone) return;
+    if (awaySince !== null) {
+      this.absent = true;
+    } else if (this.absent) {
+      this.failed = this.absent = false;
+      const { src } = this.viewer;
+      this.viewer.src = '';
+      this.viewer.src = src;
+    }
   }
 
   /** Does what is to be done `delay` milliseconds from now, or later where a pause is on. */
@@ -95,11 +118,26 @@ export class LiveFeed {
   private async fetchScene(phase: Phase): Promise<void> {
     this.fetchingScene = true;
     const answer = await askBytes(this.path('scene.kiln'), this.abort.signal);
+    const shown = answer.kind === 'ok' && !this.finished && (await this.showScene(answer.value));
     this.fetchingScene = false;
     if (this.finished) return;
-    if (answer.kind === 'ok' && this.show(() => this.viewer.showLive(answer.value))) this.scene = phase;
+    if (shown) this.scene = phase;
     else this.pause();
     this.pump(0);
+  }
+
+  /** Resolves when the scene is drawn: tiles that came earlier would be added to the one that it replaces. */
+  private showScene(bytes: ArrayBuffer): Promise<boolean> {
+    return new Promise((resolve) => {
+      const settled = new AbortController();
+      const settle = (shown: boolean) => {
+        settled.abort();
+        resolve(shown);
+      };
+      this.viewer.addEventListener('load', () => settle(true), settled);
+      this.viewer.addEventListener('error', () => settle(false), settled);
+      if (!this.show(() => this.viewer.showLive(bytes))) settle(false);
+    });
   }
 
   private async fetchSegments(runs: TileRun[]): Promise<void> {

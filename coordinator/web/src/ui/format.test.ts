@@ -43,6 +43,7 @@ test('state and progress are told in words', () => {
   expect(progressText({ state: 'baking', progress })).toBe('42 %, 27 of 64 tiles, 3 min 20 s left in this phase');
   expect(progressText({ state: 'cancelled', progress })).toBe('42 %, 27 of 64 tiles');
   expect(progressText({ state: 'queued', progress })).toBe('not begun');
+  expect(progressText({ state: 'cancelled', progress: { ...progress, tiles: 0, tiles_done: 0 } })).toBe('not begun');
   expect(elapsedText({ started_ms: null, finished_ms: null }, 5)).toBeNull();
   expect(elapsedText({ started_ms: 1000, finished_ms: null }, 61_000)).toBe('1 min');
 });

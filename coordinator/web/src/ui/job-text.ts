@@ -17,7 +17,7 @@ export function stateText({ state, phase }: Pick<JobRecord, 'state' | 'phase'>):
 
 /** How far it is, in words: `42 %, 27 of 64 tiles, 3 min left`. */
 export function progressText({ state, progress }: Pick<JobRecord, 'state' | 'progress'>): string {
-  if (state === 'queued' || state === 'preparing') return 'not begun';
+  if (progress.tiles === 0 || state === 'queued' || state === 'preparing') return 'not begun';
   const parts = [percent(progress.fraction), `${progress.tiles_done} of ${progress.tiles} tiles`];
   if (!isFinal(state) && progress.eta_seconds !== null) parts.push(`${duration(progress.eta_seconds)} left in this phase`);
   return parts.join(', ');

@@ -71,6 +71,8 @@ export interface ViewerStats {
   /** Milliseconds from `src` to the first complete picture; null before. */
   firstPictureMs: number | null;
   codec: string;
+  /** Whether samples are still on their way to the GPU. */
+  busy: boolean;
   /** Surfaces by scheme. */
   schemes: Partial<Record<Scheme, number>>;
 }
@@ -132,7 +134,7 @@ export interface KilnViewerElement extends HTMLElement {
   readonly stats: ViewerStats;
 
   /** Shows a job while it bakes: the bytes of its scene.kiln with the plan as it is now. Tiles come through {@link addSegments}. A later
-   * call for the same scene (its exposure is known now) keeps camera and settings. */
+   * call (the exposure is known now) begins anew and keeps camera and settings. */
   showLive(sceneKiln: ArrayBuffer): void;
   /** Adds finished tiles: a body of GET /v1/jobs/{id}/segments. Returns the numbers of the tiles in it, in their order. */
   addSegments(body: ArrayBuffer): number[];

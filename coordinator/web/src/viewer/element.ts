@@ -22,7 +22,7 @@ const BUDGET_MIB = 512;
 /** Pixels that a pointer may travel and still be a click. */
 const CLICK = 4;
 const NO_STATS: ViewerStats = {
-  fps: 0, frameMs: 0, drawCalls: 0, triangles: 0, textureBytes: 0, budgetBytes: 0, firstPictureMs: null, codec: '', schemes: {},
+  fps: 0, frameMs: 0, drawCalls: 0, triangles: 0, textureBytes: 0, budgetBytes: 0, firstPictureMs: null, codec: '', schemes: {}, busy: false,
 };
 
 export class KilnViewer extends HTMLElement implements KilnViewerElement {
@@ -30,6 +30,7 @@ export class KilnViewer extends HTMLElement implements KilnViewerElement {
   private stage: Stage | null = null;
   private loader: LightFieldLoader | null = null;
   private complete = false;
+  private visible = false;
   private wasVisible = false;
   private readonly canvas: HTMLCanvasElement;
   private readonly parts: { poster: HTMLElement; bar: HTMLElement; fill: HTMLElement; message: HTMLElement };
@@ -67,6 +68,9 @@ export class KilnViewer extends HTMLElement implements KilnViewerElement {
     this.label();
     this.canvas.addEventListener('pointerdown', ({ offsetX, offsetY }) => (this.pressed = { x: offsetX, y: offsetY }));
     this.canvas.addEventListener('pointerup', ({ offsetX, offsetY }) => this.released(offsetX, offsetY));
+    this.canvas.addEventListener('keydown', ({ key }) => {
+      if (key === 'Enter') this.pickAt(this.clientWidth / 2, this.clientHeight / 2);
+    });
   }
 
   connectedCallback(): void {
@@ -76,6 +80,7 @@ export class KilnViewer extends HTMLElement implements KilnViewerElement {
         error: (detail) => this.fail(detail),
         cameraChange: () => this.dispatchEvent(new CustomEvent('camera-change')),
         frame: () => this.dispatchEvent(new CustomEvent('stats', { detail: this.stats })),
+        restored: () => this.clearMessage(),
         model: () => this.dispatchEvent(new CustomEvent('model', { detail: this.model })),
       });
     } catch (error) {
@@ -206,7 +211,9 @@ export class KilnViewer extends HTMLElement implements KilnViewerElement {
   /** `loading="lazy"` waits until the element is nearly seen. */
   private seen(visible: boolean): void {
     const first = visible && !this.wasVisible;
+    this.visible = visible;
     this.wasVisible ||= visible;
+    this.rotation();
     if (first && this.getAttribute('loading') === 'lazy' && this.src) this.start();
   }
 
@@ -278,14 +285,14 @@ export class KilnViewer extends HTMLElement implements KilnViewerElement {
   }
 
   private label(): void {
-    const keys = 'Arrow keys turn, Shift and arrow keys move, plus and minus zoom, Home resets.';
+    const keys = 'Arrow keys turn, Shift and arrow keys move, plus and minus zoom, Home resets, Enter inspects the texel in the middle.';
     this.canvas.setAttribute('aria-label', `${this.alt || 'Baked scene'}. ${keys}`);
   }
 
   private readonly rotation = (): void => {
     if (!this.stage) return;
-    this.stage.autoRotate = this.autoRotate && !this.calm.matches;
-    this.stage.frames.request();
+    this.stage.autoRotate = this.autoRotate && this.visible && !this.calm.matches;
+    if (this.stage.autoRotate) this.stage.frames.request();
   };
 
   private setOrbit(text: string | null): void {

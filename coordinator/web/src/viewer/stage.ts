@@ -2,8 +2,7 @@
  * What `<kiln-viewer>` shows: a renderer on a canvas, one light field at a time, a camera, and what it takes to get a frame of them. The element around it
  * knows attributes and events, this knows three.js.
  *
- * A field that replaces another is kept apart until it is complete, and every wait ends in a look whether it is still wanted: pages change their mind
- * while megabytes are on their way.
+ * Every wait ends in a look whether its result is still wanted: pages change their mind while megabytes are on their way.
  */
 
 import { Scene, PerspectiveCamera, Vector2, Vector3, WebGLRenderer } from 'three';
@@ -26,6 +25,8 @@ export interface StageEvents {
   frame(): void;
   /** The field, or how it is drawn, has changed. */
   model(): void;
+  /** A context that was lost is there again, with everything in it. */
+  restored(): void;
 }
 
 /** How things are drawn; the element's attributes. */
@@ -53,8 +54,11 @@ export class Stage {
   private readonly camera = new PerspectiveCamera(DEFAULT_FIELD_OF_VIEW, 1, 0.01, 100);
   private readonly canvas: HTMLCanvasElement;
   private readonly events: StageEvents;
+  /** The field that was asked for last; it is `object` once it is shown. */
+  private latest: LightFieldObject | null = null;
   private rotatedAt = 0;
   private placed = false;
+  private working = 0;
 
   /** Throws where the browser has no WebGL 2. */
   constructor(canvas: HTMLCanvasElement, events: StageEvents) {
@@ -76,24 +80,33 @@ export class Stage {
       this.frames.stop();
       events.error({ type: 'context-lost', message: 'The GPU was taken away from this page; the picture comes back when it is given back.' });
     });
-    canvas.addEventListener('webglcontextrestored', () => void this.prepare());
+    canvas.addEventListener('webglcontextrestored', () => {
+      this.painter.settle();
+      // Errors of it have been told.
+      void this.prepare().then(events.restored, () => {});
+    });
   }
 
-  /** Shows a field; resolves when its first complete picture is drawn, at once where another has replaced it meanwhile. */
+  /**
+   * Shows a field; resolves when its first complete picture can be drawn, at once where another has replaced it meanwhile. What is shown now stays
+   * until then, if the budget has room for both: a job that has just been baked does not fall back to its draft.
+   */
   async show(field: LightField, began = performance.now()): Promise<void> {
-    const before = this.object;
     const object = new LightFieldObject(field, this.renderer);
-    this.object = object;
-    this.scene.clear();
-    this.scene.add(object);
-    before?.dispose();
-    if (!this.placed) this.home();
+    this.latest = object;
+    const apart = this.object !== null && this.object.bytes + object.plannedBytes(this.options) <= this.options.budget;
+    if (!apart) this.replace(object);
     this.firstPictureMs = null;
-    await this.prepare();
-    if (this.object === object) this.firstPictureMs = performance.now() - began;
+    await this.prepare(object);
+    if (this.latest !== object) {
+      if (apart) object.dispose();
+      return;
+    }
+    if (apart) this.replace(object);
+    this.firstPictureMs = performance.now() - began;
   }
 
-  /** A job while it bakes. Tiles that have arrived are kept where the scene is the same and only its exposure is new. */
+  /** A job while it bakes. */
   showLive(bytes: ArrayBuffer): Promise<void> {
     return this.show(makeLiveField(parseContainer(new Uint8Array(bytes))));
   }
@@ -107,29 +120,29 @@ export class Stage {
     return tiles.map(({ tile }) => tile);
   }
 
-  /** Lays the field out anew: after a change of scheme or budget, or a lost context. */
-  async prepare(): Promise<void> {
-    const { object } = this;
-    if (!object) return;
-    const { scheme, budget } = this.options;
-    try {
-      await object.prepare({ scheme, budget, changed: () => this.changed(object) });
-      await this.ensureMode();
-    } catch (error) {
-      this.failed(object, error as Error);
-      throw error;
-    }
-    this.changed(object);
+  /** Lays a field out: when it is new, and again after a change of scheme or budget, or a lost context. */
+  prepare(object = this.object): Promise<void> {
+    return this.during(async () => {
+      try {
+        await object?.prepare({ ...this.options, changed: () => this.changed(object) });
+        await this.ensureMode(object);
+      } catch (error) {
+        if (object) this.failed(object, error as Error);
+        throw error;
+      }
+    });
   }
 
-  /** Makes what the mode draws available. */
-  async ensureMode(): Promise<void> {
-    const { object } = this;
-    const { mode } = this.options;
-    if (!object) return;
-    if (mode === 'diffuse') await object.ensure('mean');
-    if (mode === 'error') await object.ensure('raw');
-    this.changed(object);
+  /** Makes what the mode draws available, and lets go of what only another mode draws. */
+  ensureMode(object = this.object): Promise<void> {
+    return this.during(async () => {
+      const { mode, budget } = this.options;
+      const wanted = () => this.options.mode === mode;
+      if (mode !== 'error') object?.releaseRaw();
+      if (mode === 'diffuse') await object?.ensure('mean', budget, wanted);
+      if (mode === 'error') await object?.ensure('raw', budget, wanted);
+      if (object) this.changed(object);
+    });
   }
 
   /** Places the camera where nobody has: see `field/camera.ts`. */
@@ -201,6 +214,7 @@ export class Stage {
       firstPictureMs: this.firstPictureMs,
       codec: String(this.object?.field.container.plan.settings.codec ?? ''),
       schemes,
+      busy: this.working > 0,
     };
   }
 
@@ -253,6 +267,26 @@ export class Stage {
     this.events.cameraChange();
   }
 
+  /** Counts what is under way, for {@link ViewerStats.busy}. */
+  private async during(work: () => Promise<void>): Promise<void> {
+    this.working++;
+    try {
+      await work();
+    } finally {
+      this.working--;
+    }
+  }
+
+  private replace(object: LightFieldObject): void {
+    const before = this.object;
+    this.object = object;
+    this.scene.clear();
+    this.scene.add(object);
+    before?.dispose();
+    if (!this.placed) this.home();
+    this.changed(object);
+  }
+
   private changed(object: LightFieldObject): void {
     if (object !== this.object) return;
     this.frames.request();
@@ -261,7 +295,7 @@ export class Stage {
 
   /** What fails for a field that is gone is nobody's concern. */
   private failed(object: LightFieldObject, error: Error): void {
-    if (object !== this.object || error.name === 'AbortError') return;
+    if (object !== this.latest || error.name === 'AbortError') return;
     this.events.error({ type: 'loadfailure', message: error.message });
   }
 }

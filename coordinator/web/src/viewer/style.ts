@@ -1,7 +1,7 @@
 /** The element's styles, as a constructable sheet: a `<style>` element would be refused by the pages' Content-Security-Policy. */
 
 export const STYLE = `
-:host { display: block; position: relative; min-height: 120px; contain: strict; background: #202428; color-scheme: dark; }
+:host { display: block; position: relative; width: 300px; height: 150px; contain: strict; background: #202428; color-scheme: dark; }
 :host([hidden]) { display: none; }
 canvas { position: absolute; inset: 0; width: 100%; height: 100%; display: block; touch-action: none; outline: none; }
 canvas:focus-visible { outline: 3px solid #6cf; outline-offset: -3px; }

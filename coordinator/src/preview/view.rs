@@ -1,0 +1,152 @@
+//! What someone asks to see, as text and as values: one set of checks for the command line and for HTTP.
+
+use super::camera::{BadCamera, Camera, DEFAULT_FOV, PictureSize, default_view};
+use glam::Vec3;
+use kiln_proto::scene::Scene;
+use serde::{Deserialize, Serialize};
+use std::str::FromStr;
+
+/// The largest exposure correction either way, stops.
+const EXPOSURE: f32 = 20.0;
+
+/// What light a picture shows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Mode {
+    /// Each point as it looks from the eye.
+    #[default]
+    LightField,
+    /// Each point's radiosity over pi, the same from everywhere: what a lightmap would show.
+    Diffuse,
+}
+
+/// What someone asks to see.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct View {
+    /// Where the eye is, metres; without it, as in the default view.
+    pub eye: Option<Vec3>,
+    /// What it looks at, metres; without it, as in the default view.
+    pub target: Option<Vec3>,
+    /// Vertical field of view, degrees.
+    pub fov: f32,
+    /// The picture's size.
+    pub size: PictureSize,
+    /// Stops on top of the job's exposure.
+    pub exposure: f32,
+    /// What light it shows.
+    pub mode: Mode,
+}
+
+impl Default for View {
+    fn default() -> Self {
+        Self { eye: None, target: None, fov: DEFAULT_FOV, size: PictureSize::default(), exposure: 0.0, mode: Mode::default() }
+    }
+}
+
+/// Why a view was refused.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[error("{field}: {message}")]
+pub struct BadView {
+    /// The parameter to blame.
+    pub field: &'static str,
+    /// What is wrong with it and what would not be, as a clause.
+    pub message: String,
+}
+
+impl From<BadCamera> for BadView {
+    fn from(error: BadCamera) -> Self {
+        let field = match error {
+            BadCamera::Size { width, .. } if PictureSize::new(width, 1).is_err() => "w",
+            BadCamera::Size { .. } => "h",
+            BadCamera::NotFinite { what, .. } => what,
+            BadCamera::NoDirection { .. } => "eye",
+            BadCamera::Fov { .. } => "fov",
+        };
+        Self { field, message: error.to_string() }
+    }
+}
+
+impl View {
+    /// The view that the parameters of a query ask for. `None` stands for a parameter that was not given.
+    ///
+    /// # Errors
+    /// The first parameter that is not understood or out of its range. What depends on the scene is left to [`View::camera`].
+    pub fn from_query(text: impl Fn(&str) -> Option<String>) -> Result<Self, BadView> {
+        fn read<T>(field: &'static str, text: Option<String>, read: impl Fn(&str) -> Result<T, String>) -> Result<Option<T>, BadView> {
+            text.map(|text| read(&text).map_err(|message| BadView { field, message })).transpose()
+        }
+        let default = View::default();
+        let (width, height) = (read("w", text("w"), side)?, read("h", text("h"), side)?);
+        let view = Self {
+            eye: read("eye", text("eye"), point)?,
+            target: read("target", text("target"), point)?,
+            fov: read("fov", text("fov"), number)?.unwrap_or(default.fov),
+            size: PictureSize::new(width.unwrap_or(default.size.width), height.unwrap_or(default.size.height))?,
+            exposure: read("exposure", text("exposure"), exposure)?.unwrap_or(default.exposure),
+            mode: read("mode", text("mode"), str::parse)?.unwrap_or(default.mode),
+        };
+        // A camera anywhere: whatever does not depend on the scene is wrong already.
+        let target = view.target.unwrap_or(view.eye.map_or(Vec3::ZERO, |eye| eye + Vec3::Z * (1.0 + eye.abs().max_element())));
+        Camera::new(view.eye.unwrap_or(target + Vec3::Z * (1.0 + target.abs().max_element())), target, view.fov, view.size)?;
+        Ok(view)
+    }
+
+    /// The camera of this view in a scene: what is not said is as in the default view.
+    ///
+    /// # Errors
+    /// Values out of their ranges, an eye that is where the target is.
+    pub fn camera(&self, scene: &Scene) -> Result<Camera, BadCamera> {
+        let (eye, target) = default_view(scene, self.fov, self.size)?;
+        Camera::new(self.eye.unwrap_or(eye), self.target.unwrap_or(target), self.fov, self.size)
+    }
+}
+
+/// A point `x,y,z` in metres.
+///
+/// # Errors
+/// A sentence that says what is expected.
+pub fn point(text: &str) -> Result<Vec3, String> {
+    let parts: Option<Vec<f32>> = text.split(',').map(|part| part.trim().parse().ok().filter(|v: &f32| v.is_finite())).collect();
+    match parts.as_deref() {
+        Some(&[x, y, z]) => Ok(Vec3::new(x, y, z)),
+        _ => Err(format!("`{}`: expected three finite coordinates in metres, x,y,z, such as -1,1.6,3.5", short(text))),
+    }
+}
+
+/// A number.
+///
+/// # Errors
+/// A sentence that says what is expected.
+pub fn number(text: &str) -> Result<f32, String> {
+    let finite = text.parse().ok().filter(|v: &f32| v.is_finite());
+    finite.ok_or_else(|| format!("`{}`: expected a finite number", short(text)))
+}
+
+/// An exposure correction in stops.
+///
+/// # Errors
+/// A sentence that says what is expected.
+pub fn exposure(text: &str) -> Result<f32, String> {
+    let stops = number(text)?;
+    if stops.abs() <= EXPOSURE { Ok(stops) } else { Err(format!("`{}`: expected -{EXPOSURE} to {EXPOSURE} stops", short(text))) }
+}
+
+fn side(text: &str) -> Result<u32, String> {
+    text.parse().map_err(|_| format!("`{}`: expected a whole number of pixels", short(text)))
+}
+
+impl FromStr for Mode {
+    type Err = String;
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "light-field" => Ok(Mode::LightField),
+            "diffuse" => Ok(Mode::Diffuse),
+            _ => Err(format!("`{}`: expected light-field or diffuse", short(text))),
+        }
+    }
+}
+
+/// As much of a text as a message repeats.
+fn short(text: &str) -> String {
+    text.chars().take(60).collect()
+}

@@ -1,0 +1,135 @@
+//! What every pixel sees: the nearest front of a triangle, and where on it.
+//!
+//! obvhs builds the hierarchy and walks it; the triangle test is ours, in f64: the three edge functions of a ray are triple products, and
+//! two triangles that share an edge compute the same one with opposite sign, so that no ray slips through between them. Boxes are grown
+//! by the rounding of obvhs's f32 box test, which would otherwise tear the same gaps. Backs are not there: a room can be looked into from
+//! outside. The hierarchy is built for each picture (a second for a million triangles), because its boxes depend on how far the eye is;
+//! keeping it for several would save time only where the same scene is looked at again and again.
+
+use super::camera::Camera;
+use glam::{DVec3, Vec3, Vec3A};
+use kiln_proto::{frame::Frame, lookup, plan::Plan, scene::Scene};
+use obvhs::{
+    BvhBuildParams,
+    aabb::Aabb,
+    bvh2::{Bvh2, builder::build_bvh2},
+    ray::{Ray, RayHit},
+};
+use rayon::prelude::*;
+use std::{ops::Range, time::Duration};
+
+/// How far boxes grow, relative to the largest number in the box test: 16 units in the last place.
+const GROW: f32 = 16.0 * f32::EPSILON;
+/// Quick to build, and without the optimiser, which may make a tree deeper than the stack that obvhs reserves for it.
+const BUILD: BvhBuildParams =
+    BvhBuildParams { reinsertion_batch_ratio: 0.0, post_collapse_reinsertion_batch_ratio_multiplier: 0.0, ..BvhBuildParams::fast_build() };
+
+/// What a pixel sees.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Seen {
+    /// Which surface.
+    pub(super) surface: u32,
+    /// The chart, numbered over the whole scene from 1.
+    pub(super) chart: u32,
+    /// Where, in the texture coordinates of the plan.
+    pub(super) uv: [f32; 2],
+    /// The unit direction toward the eye, in the triangle's frame.
+    pub(super) toward: Vec3,
+}
+
+/// A scene ready to be looked at.
+pub(super) struct Stage<'a> {
+    plan: &'a Plan,
+    corners: Vec<[DVec3; 3]>,
+    /// Number of the first triangle of each surface, and of all in the end.
+    first: Vec<usize>,
+    /// What the charts of each surface count from.
+    charts: Vec<u32>,
+    tree: Bvh2,
+    eye: DVec3,
+}
+
+/// Where a ray meets a triangle.
+#[derive(Clone, Copy)]
+struct Hit {
+    triangle: usize,
+    t: f32,
+    /// Barycentric weights of the corners.
+    weights: [f64; 3],
+}
+
+impl<'a> Stage<'a> {
+    /// Builds the hierarchy for rays from `eye`. Cost: O(n log n) in triangles, and about 200 bytes each.
+    pub(super) fn new(scene: &Scene, plan: &'a Plan, eye: Vec3) -> Self {
+        let corners: Vec<[DVec3; 3]> = scene.surfaces.iter().flat_map(|s| s.triangles.iter().map(|t| scene.corners(t))).collect();
+        let largest = corners.iter().flatten().map(|c| c.abs().max_element() as f32).fold(eye.abs().max_element(), f32::max);
+        let grow = Vec3A::splat(GROW * largest);
+        let boxed = |c: &[DVec3; 3]| {
+            let (low, high) = (c[0].min(c[1]).min(c[2]), c[0].max(c[1]).max(c[2]));
+            Aabb::new(Vec3A::from(low.as_vec3()) - grow, Vec3A::from(high.as_vec3()) + grow)
+        };
+        let boxes: Vec<Aabb> = corners.iter().map(boxed).collect();
+        let tree = if boxes.is_empty() { Bvh2::default() } else { build_bvh2(&boxes, BUILD, &mut Duration::default()) };
+        let (mut first, mut charts) = (vec![0], vec![0]);
+        for (surface, layout) in scene.surfaces.iter().zip(&plan.surfaces) {
+            first.push(first[first.len() - 1] + surface.triangles.len());
+            charts.push(charts[charts.len() - 1] + layout.charts.iter().max().map_or(0, |largest| largest + 1));
+        }
+        Self { plan, corners, first, charts, tree, eye: eye.as_dvec3() }
+    }
+
+    /// What the pixels of some rows of the picture see, row by row; `None` is the background.
+    pub(super) fn look(&self, camera: &Camera, rows: Range<u32>) -> Vec<Option<Seen>> {
+        let row = |y: u32| (0..camera.size().width).map(move |x| self.along(camera.direction(x, y)));
+        rows.into_par_iter().flat_map_iter(row).collect()
+    }
+
+    fn along(&self, direction: Vec3) -> Option<Seen> {
+        let hit = self.closest(direction)?;
+        let surface = self.first.partition_point(|first| *first <= hit.triangle) - 1;
+        let triangle = hit.triangle - self.first[surface];
+        let layout = &self.plan.surfaces[surface];
+        let corners = layout.uv[triangle];
+        let uv = std::array::from_fn(|k| corners.iter().zip(hit.weights).map(|(uv, w)| f64::from(uv[k]) * w).sum::<f64>() as f32);
+        let frame = Frame::of_triangle(self.corners[hit.triangle], corners.map(|c| c.map(f64::from)), self.plan.settings.frame)?;
+        let chart = self.charts[surface] + layout.charts[triangle] + 1;
+        Some(Seen { surface: surface as u32, chart, uv, toward: frame.to_local(-direction) })
+    }
+
+    /// The nearest front along a ray; of equally near ones that of the lowest number, which a page that draws in this order shows, too.
+    fn closest(&self, direction: Vec3) -> Option<Hit> {
+        let (mut best, d): (Option<Hit>, _) = (None, direction.as_dvec3());
+        let ray = Ray::new_inf(self.eye.as_vec3().into(), direction.into());
+        self.tree.ray_traverse(ray, &mut RayHit::none(), |_, at| {
+            let triangle = self.tree.primitive_indices[at] as usize;
+            let Some(hit) = self.cross(triangle, d) else { return f32::INFINITY };
+            if best.is_none_or(|b| (hit.t, triangle) < (b.t, b.triangle)) {
+                best = Some(hit);
+            }
+            // A little farther than it is: what is as near must still be looked at.
+            hit.t * (1.0 + GROW)
+        });
+        best
+    }
+
+    fn cross(&self, triangle: usize, d: DVec3) -> Option<Hit> {
+        let p = self.corners[triangle].map(|c| c - self.eye);
+        // A front turns counter-clockwise against the ray: each edge function is then negative, and minus them are the weights.
+        let edge = |a: usize, b: usize| -d.dot(p[a].cross(p[b]));
+        let edges = [edge(1, 2), edge(2, 0), edge(0, 1)];
+        let sum: f64 = edges.iter().sum();
+        if edges.iter().any(|e| *e < 0.0) || sum <= 0.0 {
+            return None;
+        }
+        let weights = edges.map(|e| e / sum);
+        let t = (0..3).map(|k| weights[k] * p[k].dot(d)).sum::<f64>() / d.length_squared();
+        (t > 0.0).then_some(Hit { triangle, t: t as f32, weights })
+    }
+}
+
+impl Seen {
+    /// The texels that it needs, with their weights.
+    pub(super) fn footprint(&self, plan: &Plan) -> lookup::Footprint {
+        lookup::footprint(self.uv, plan.surfaces[self.surface as usize].size)
+    }
+}

@@ -1,0 +1,115 @@
+/** How the light field is drawn: mode, texel grid, exposure, and for those who compare, scheme and filter. */
+
+import type { KilnViewerElement, ViewMode } from '../viewer/api.ts';
+import { el, setText } from './dom.ts';
+
+const MODES: [ViewMode, string][] = [
+  ['light-field', 'Full light field'],
+  ['diffuse', 'Diffuse only'],
+  ['error', 'Error against raw'],
+];
+const SCHEMES: [KilnViewerElement['scheme'], string][] = [
+  ['auto', 'Automatic'],
+  ['raw', 'Raw'],
+  ['expanded', 'Expanded'],
+  ['streamed', 'Streamed'],
+];
+const FILTERS: [KilnViewerElement['filter'], string][] = [
+  ['hardware', 'Hardware'],
+  ['exact', 'Exact'],
+];
+/** Stops either way, and the slider's step. */
+const EXPOSURE = { most: 6, step: 0.25 };
+const NO_RAW = 'Needs raw radiance, which this package did not keep.';
+
+/** `+1.25 EV`. */
+export const exposureText = (stops: number): string => `${stops > 0 ? '+' : stops < 0 ? '−' : ''}${Math.abs(stops).toFixed(2)} EV`;
+
+export class DisplayControls {
+  readonly element = el('div', { class: 'controls' });
+  private readonly modes = new Map<ViewMode, HTMLInputElement>();
+  private readonly grid = el('input', { type: 'checkbox' });
+  private readonly reason = el('p', { class: 'hint', id: 'error-mode-reason' }, NO_RAW);
+  private readonly viewer: KilnViewerElement;
+
+  constructor(viewer: KilnViewerElement) {
+    this.viewer = viewer;
+    this.element.append(
+      this.modeGroup(),
+      el('label', { class: 'check' }, this.grid, 'Texel grid'),
+      this.exposureRow(),
+      choice('Scheme', SCHEMES, viewer.scheme, (scheme) => (viewer.scheme = scheme)),
+      choice('Filter', FILTERS, viewer.filter, (filter) => (viewer.filter = filter)),
+    );
+    this.grid.checked = viewer.texelGrid;
+    this.grid.addEventListener('change', () => (viewer.texelGrid = this.grid.checked));
+    viewer.addEventListener('model', () => this.sync());
+    // The viewer falls back to the full light field where a mode fails.
+    viewer.addEventListener('error', () => queueMicrotask(() => this.sync()));
+    this.sync();
+  }
+
+  /** Chooses a mode, where it can be drawn. */
+  setMode(mode: ViewMode): void {
+    const input = this.modes.get(mode);
+    if (!input || input.disabled) return;
+    input.checked = true;
+    this.viewer.mode = mode;
+  }
+
+  toggleGrid(): void {
+    this.grid.click();
+  }
+
+  private modeGroup(): HTMLElement {
+    const group = el('fieldset', {}, el('legend', {}, 'Show'));
+    for (const [mode, label] of MODES) {
+      const input = el('input', { type: 'radio', name: 'view-mode', value: mode });
+      input.addEventListener('change', () => this.setMode(mode));
+      this.modes.set(mode, input);
+      group.append(el('label', { class: 'check' }, input, label));
+    }
+    this.modes.get('error')?.setAttribute('aria-describedby', this.reason.id);
+    group.append(this.reason);
+    return group;
+  }
+
+  private sync(): void {
+    const { model, mode } = this.viewer;
+    const raw = model?.hasRaw ?? false;
+    for (const [name, input] of this.modes) {
+      input.checked = name === mode;
+      if (name === 'error') input.disabled = !raw;
+    }
+    this.reason.hidden = raw || model === null;
+    setText(this.reason, model?.live ? 'The error can be shown when the job is done, where it keeps raw radiance.' : NO_RAW);
+  }
+
+  private exposureRow(): HTMLElement {
+    const { most, step } = EXPOSURE;
+    const slider = el('input', { type: 'range', min: -most, max: most, step, value: Math.log2(this.viewer.exposure), id: 'exposure' });
+    const value = el('output', { for: 'exposure' });
+    const reset = el('button', { type: 'button' }, 'Reset exposure');
+    const apply = () => {
+      const stops = Number(slider.value);
+      this.viewer.exposure = 2 ** stops;
+      setText(value, exposureText(stops));
+      slider.setAttribute('aria-valuetext', exposureText(stops));
+      reset.disabled = stops === 0;
+    };
+    slider.addEventListener('input', apply);
+    reset.addEventListener('click', () => {
+      slider.value = '0';
+      apply();
+      slider.focus();
+    });
+    apply();
+    return el('div', { class: 'exposure' }, el('label', { for: 'exposure' }, 'Exposure'), slider, value, reset);
+  }
+}
+
+function choice<T extends string>(name: string, options: [T, string][], now: T, choose: (value: T) => void): HTMLElement {
+  const select = el('select', {}, ...options.map(([value, text]) => el('option', { value, selected: value === now }, text)));
+  select.addEventListener('change', () => choose(select.value as T));
+  return el('label', { class: 'field' }, el('span', {}, name), select);
+}

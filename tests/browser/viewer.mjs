@@ -1,0 +1,135 @@
+// node viewer.mjs URL GPU: the viewer by itself, on a package that kept raw radiance: modes, picks, keyboard, budget, a lost context, a broken shader.
+import { check, load, open, say, script } from './browser.mjs';
+
+/** What the canvas shows: its mean brightness and how many of its pixels are background. */
+const look = (page) =>
+  page.evaluate(async () => {
+    const viewer = document.querySelector('kiln-viewer');
+    const bitmap = await createImageBitmap(await viewer.toBlob());
+    const canvas = new OffscreenCanvas(bitmap.width, bitmap.height);
+    const context = canvas.getContext('2d');
+    context.drawImage(bitmap, 0, 0);
+    const { data } = context.getImageData(0, 0, bitmap.width, bitmap.height);
+    let [sum, background, hash] = [0, 0, 0];
+    for (let i = 0; i < data.length; i += 4) {
+      sum += data[i] + data[i + 1] + data[i + 2];
+      if (data[i] === 0x20 && data[i + 1] === 0x24 && data[i + 2] === 0x28) background++;
+      hash = (hash * 31 + data[i] * 7 + data[i + 1] * 5 + data[i + 2] * 3) | 0;
+    }
+    const pixels = data.length / 4;
+    return { mean: sum / pixels / 3, background: background / pixels, hash };
+  });
+
+const viewer = (page, body, argument) => page.evaluate(`(${body})(document.querySelector('kiln-viewer'), ${JSON.stringify(argument ?? null)})`);
+
+/** Waits until everything that was asked for is on the GPU. */
+const settled = (page) => page.waitForFunction(() => !document.querySelector('kiln-viewer').stats.busy);
+
+async function modes(page, src) {
+  await load(page, { scheme: 'expanded', filter: 'hardware', src });
+  const full = await look(page);
+  check(full.background < 0.9 && full.mean > 10, `the picture is empty: ${JSON.stringify(full)}`);
+  for (const mode of ['diffuse', 'error']) {
+    await viewer(page, '(v, mode) => { v.mode = mode; }', mode);
+    await settled(page);
+    const other = await look(page);
+    check(other.hash !== full.hash, `${mode} looks like the full light field`);
+    if (mode === 'error') check(other.mean < full.mean, 'errors of a good codec are dark');
+  }
+  await viewer(page, "(v) => { v.mode = 'light-field'; v.texelGrid = true; }");
+  check((await look(page)).hash !== full.hash, 'the texel grid is not drawn');
+  await viewer(page, '(v) => { v.texelGrid = false; v.exposure = 2; }');
+  check((await look(page)).mean > full.mean * 1.1, 'twice the exposure is not brighter');
+  await viewer(page, '(v) => { v.exposure = 1; }');
+  check((await look(page)).hash === full.hash, 'the view does not come back to what it was');
+}
+
+async function picks(page) {
+  const sample = await viewer(page, '(v) => { const s = v.pickAt(v.clientWidth / 2, v.clientHeight / 2); return s && { ...s, coded: [...s.coded], radiance: [...s.radiance] }; }');
+  check(sample && sample.coded.length === sample.grid.nTheta * sample.grid.nPhi * 3, `no texel in the middle: ${JSON.stringify(sample)}`);
+  check(sample.view.theta >= 0 && sample.view.theta <= 90 && sample.keptSamples >= 2, JSON.stringify(sample.view));
+  check(sample.radiance.some((v) => v > 0), 'the hemisphere is black');
+  check((await viewer(page, '(v) => v.pickAt(1, 1)')) === null, 'something is picked where nothing is');
+}
+
+async function keyboard(page) {
+  await page.locator('kiln-viewer canvas').focus();
+  const orbit = () => viewer(page, '(v) => v.getCameraOrbit()');
+  const first = await orbit();
+  await page.keyboard.press('ArrowRight');
+  check(Math.abs((await orbit()).theta - first.theta) > 1, 'the right arrow does not turn');
+  await page.keyboard.press('ArrowUp');
+  check((await orbit()).phi < first.phi, 'the up arrow does not lift the eye');
+  await page.keyboard.press('+');
+  check((await orbit()).radius < first.radius, 'plus does not come nearer');
+  const target = await viewer(page, '(v) => v.getCameraTarget()');
+  await page.keyboard.press('Shift+ArrowLeft');
+  check(String(await viewer(page, '(v) => v.getCameraTarget()')) !== String(target), 'Shift and the left arrow do not pan');
+  await page.keyboard.press('Home');
+  const home = await orbit();
+  check(Math.abs(home.theta - first.theta) < 1e-3 && Math.abs(home.radius - first.radius) < 1e-3, 'Home does not go back');
+}
+
+async function budget(page) {
+  const all = await viewer(page, '(v) => v.stats.textureBytes');
+  const mib = all / 3 / 2 ** 20;
+  await viewer(page, "(v, mib) => { v.scheme = 'auto'; v.memoryBudget = mib; }", mib);
+  await settled(page);
+  const { schemes, textureBytes } = await viewer(page, '(v) => v.stats');
+  check((schemes.streamed ?? 0) > 0 && (schemes.expanded ?? 0) > 0, `a third of the memory is not shared out: ${JSON.stringify(schemes)}`);
+  check(textureBytes <= mib * 2 ** 20, `${textureBytes} bytes of textures pass the budget of ${mib} MiB`);
+  say('budget', { budget: mib * 2 ** 20, textureBytes, schemes });
+  await viewer(page, '(v) => { v.memoryBudget = 1 / 1024; }');
+  await settled(page);
+  check((await viewer(page, '(v) => v.stats.schemes.mean')) > 0, 'with next to no memory something else than the mean is shown');
+  check((await look(page)).mean > 10, 'with next to no memory not even the mean is shown');
+  await viewer(page, "(v) => { v.mode = 'error'; }");
+  await page.locator('kiln-viewer').getByText('set memory-budget to').waitFor();
+  check((await viewer(page, '(v) => v.mode')) === 'light-field', 'the mode stays at errors that cannot be drawn');
+  await viewer(page, '(v) => { v.memoryBudget = 512; }');
+}
+
+async function lostContext(page, src) {
+  await load(page, { scheme: 'expanded', filter: 'hardware', src });
+  const before = await look(page);
+  await viewer(page, '(v) => { v.lose = v.shadowRoot.querySelector("canvas").getContext("webgl2").getExtension("WEBGL_lose_context"); v.lose.loseContext(); }');
+  await page.locator('kiln-viewer').getByText('The GPU was taken away').waitFor();
+  await page.waitForTimeout(100);
+  await viewer(page, '(v) => v.lose.restoreContext()');
+  const start = Date.now();
+  for (;;) {
+    const now = await look(page);
+    if (now.hash === before.hash) break;
+    check(Date.now() - start < 30_000, `the picture does not come back: ${JSON.stringify([before, now])}`);
+    await page.waitForTimeout(100);
+  }
+  check(await page.locator('kiln-viewer').getByText('The GPU was taken away').isHidden(), 'the message stays when the picture is back');
+}
+
+/** A driver that does not compile a shader: what it says is shown, not swallowed. */
+async function brokenShader(url, gpu) {
+  const { browser, page } = await open(gpu);
+  await page.addInitScript(() => {
+    const compile = WebGL2RenderingContext.prototype.shaderSource;
+    WebGL2RenderingContext.prototype.shaderSource = function (shader, source) {
+      compile.call(this, shader, source.includes('lfSamples') ? `${source}\nthis is no GLSL` : source);
+    };
+  });
+  await page.goto(url);
+  await page.locator('kiln-viewer').getByText('does not compile a shader').waitFor();
+  await browser.close();
+}
+
+await script(async ([url, gpu]) => {
+  const { browser, page, faults } = await open(gpu);
+  await page.goto(url);
+  const src = await page.evaluate(() => document.querySelector('kiln-viewer').src);
+  await modes(page, src);
+  await picks(page);
+  await keyboard(page);
+  await budget(page);
+  check(faults.length === 0, faults.join('\n'));
+  await lostContext(page, src);
+  await browser.close();
+  await brokenShader(url, gpu);
+});
