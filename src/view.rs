@@ -36,9 +36,9 @@ pub async fn run(args: &ViewArgs, json: bool) -> Result<(), CommandError> {
     let address = listener.local_addr().map_err(|e| CommandError::from_error("cannot tell the address", &e))?;
     let url = format!("http://{address}/");
     if json {
-        output::json(&serde_json::json!({ "url": url }))?
+        output::json(&serde_json::json!({ "url": url }))?;
     } else {
-        output::line(&url)?
+        output::line(&url)?;
     }
     let stop = CancellationToken::new();
     let _stop = stop.clone().drop_guard();

@@ -24,3 +24,28 @@ pub fn write(dir: &Path) -> Result<(), CommandError> {
     }
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    #[cfg(feature = "page")]
+    fn the_viewer_is_written_with_what_it_loads() {
+        let dir = tempfile::tempdir().unwrap();
+        write(dir.path()).unwrap();
+        let page = std::fs::read(dir.path().join("index.html")).unwrap();
+        assert_eq!(page, &*page::file("viewer.html").unwrap().bytes);
+        for (path, file) in page::viewer() {
+            assert_eq!(std::fs::read(dir.path().join(path)).unwrap(), &*file.bytes, "{path}");
+        }
+    }
+
+    #[test]
+    #[cfg(not(feature = "page"))]
+    fn a_build_without_the_page_refuses_to_export_it() {
+        let dir = tempfile::tempdir().unwrap();
+        assert!(write(dir.path()).unwrap_err().to_string().contains("no viewer"));
+        assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 0);
+    }
+}

@@ -10,4 +10,5 @@ mod full_disk;
 mod harness;
 mod reference;
 mod service;
+#[cfg(feature = "page")]
 mod viewer;
