@@ -134,7 +134,7 @@ fn forget_pages(web: &Path) -> Result<(), String> {
 fn mirror(from: &Path, to: &Path) -> Result<(), String> {
     watch(from);
     match fs::remove_dir_all(to) {
-        Err(e) if e.kind() != io::ErrorKind::NotFound => return Err(at(to, &e)),
+        Err(e) if e.kind() != io::ErrorKind::NotFound => Err(at(to, &e)),
         _ => copy_folder(from, to),
     }
 }

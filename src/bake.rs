@@ -4,7 +4,7 @@ use crate::{
     api::Api,
     bake_settings::SettingsArgs,
     error::CommandError,
-    fetch::{self, OutputFolder},
+    fetch::{self, Content, OutputFolder},
     host::{Host, asked_to_stop},
     output, progress, submit,
 };
@@ -35,12 +35,15 @@ pub struct BakeArgs {
     #[arg(long, value_name = "N", default_value_t = 1)]
     workers: u32,
     #[command(flatten)]
+    content: Content,
+    #[command(flatten)]
     settings: SettingsArgs,
 }
 
 /// Bakes every scene; the first that fails ends the command.
 pub async fn run(args: &BakeArgs, json: bool) -> Result<(), CommandError> {
     let settings = args.settings.patch()?;
+    args.content.check()?;
     let targets = targets(&args.scenes, &args.output)?;
     let scratch = submit::scratch()?;
     let bundles: Vec<_> = args.scenes.iter().map(|s| submit::collect(s, scratch.path())).collect::<Result<_, _>>()?;
@@ -56,9 +59,9 @@ pub async fn run(args: &BakeArgs, json: bool) -> Result<(), CommandError> {
         for ((scene, target), bundle) in targets.iter().zip(bundles) {
             let job = submit::create(&api, &bundle, settings.clone(), 0, BTreeMap::new()).await.map_err(Failure::Bake)?;
             let done = progress::follow(&api, job.id).await.and_then(finished).map_err(Failure::Bake)?;
-            fetch::package(&api, done.id, target).await.map_err(|e| Failure::Delivery(done.id, e))?;
+            fetch::deliver(&api, done.id, args.content, target).await.map_err(|e| Failure::Delivery(done.id, e))?;
             delivered.push(target.display().to_string());
-            report(scene, target, &done, json).map_err(Failure::Bake)?;
+            report(scene, &args.content.package_in(target), target, &done, json).map_err(Failure::Bake)?;
         }
         Ok(())
     };
@@ -132,9 +135,9 @@ pub fn finished(job: JobRecord) -> Result<JobRecord, CommandError> {
     }
 }
 
-fn report(scene: &Path, target: &Path, job: &JobRecord, json: bool) -> Result<(), CommandError> {
+fn report(scene: &Path, package: &Path, target: &Path, job: &JobRecord, json: bool) -> Result<(), CommandError> {
     if json {
-        return output::json(&serde_json::json!({"scene": scene, "package": target, "job": job}));
+        return output::json(&serde_json::json!({"scene": scene, "package": package, "job": job}));
     }
     output::line(&format!("{}", target.display()))
 }

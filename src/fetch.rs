@@ -1,7 +1,8 @@
 //! `kiln fetch`: a finished package into a folder, every file checked against the manifest.
 
-use crate::{api::Api, error::CommandError, output, watch::ServerArgs};
+use crate::{api::Api, error::CommandError, output, viewer, watch::ServerArgs};
 use clap::Args;
+use kiln_coordinator::http::view::PACKAGE_FOLDER;
 use kiln_proto::{
     format::manifest::{self, Manifest},
     ids::JobId,
@@ -22,14 +23,46 @@ pub struct FetchArgs {
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
     #[command(flatten)]
+    content: Content,
+    #[command(flatten)]
     server: ServerArgs,
+}
+
+/// What a folder for results gets.
+#[derive(Debug, Clone, Copy, Args)]
+pub struct Content {
+    /// Put the viewer beside the package, so that any web server can show it: DIR then holds index.html, and the package in DIR/package
+    #[arg(long)]
+    pub with_viewer: bool,
+}
+
+impl Content {
+    /// Refuses what this build cannot write.
+    pub fn check(self) -> Result<(), CommandError> {
+        if self.with_viewer { viewer::require() } else { Ok(()) }
+    }
+
+    /// Where within `folder` the package lies.
+    pub fn package_in(self, folder: &Path) -> PathBuf {
+        if self.with_viewer { folder.join(PACKAGE_FOLDER) } else { folder.to_owned() }
+    }
+
+    /// The file that is moved into place last: where it is, everything is.
+    fn last(self) -> &'static str {
+        if self.with_viewer { "index.html" } else { manifest::PATH }
+    }
 }
 
 /// Fetches a package.
 pub async fn run(args: &FetchArgs, json: bool) -> Result<(), CommandError> {
     check_target(&args.output)?;
-    package(&args.server.api()?, args.id, &args.output).await?;
-    if json { output::json(&serde_json::json!({"package": args.output})) } else { output::line(&args.output.display().to_string()) }
+    args.content.check()?;
+    deliver(&args.server.api()?, args.id, args.content, &args.output).await?;
+    if json {
+        output::json(&serde_json::json!({"package": args.content.package_in(&args.output)}))
+    } else {
+        output::line(&args.output.display().to_string())
+    }
 }
 
 /// A folder that exists must be empty: files of two packages never mix.
@@ -76,16 +109,24 @@ impl Drop for OutputFolder<'_> {
     }
 }
 
-/// Downloads into a hidden folder inside `target` and moves everything into place when every file is there and checked, the manifest
-/// last: a folder with a manifest holds a whole package.
-pub async fn package(api: &Api, id: JobId, target: &Path) -> Result<(), CommandError> {
+/// Puts everything into a hidden folder inside `target` first and moves it into place when every file is there and checked, the manifest or
+/// the viewer's page last: a folder with it is whole.
+pub async fn deliver(api: &Api, id: JobId, content: Content, target: &Path) -> Result<(), CommandError> {
     let folder = OutputFolder::create(target)?;
+    let staging = folder.scratch(".kiln-fetch-")?;
+    if content.with_viewer {
+        viewer::write(staging.path())?;
+    }
+    download(api, id, &content.package_in(staging.path())).await?;
+    publish(staging.path(), target, content.last())
+}
+
+/// Downloads a package and checks every file against the manifest.
+async fn download(api: &Api, id: JobId, dir: &Path) -> Result<(), CommandError> {
     let text = api.manifest(id).await?;
     let manifest: Manifest = serde_json::from_slice(&text).map_err(|e| CommandError::from_error("the manifest cannot be read", &e))?;
-    let staging = folder.scratch(".kiln-fetch-")?;
-    let at = |path: &Path, e: &std::io::Error| CommandError::work(format!("{}: {e}", path.display()));
     for file in &manifest.files {
-        let to = staging.path().join(safe(&file.path)?);
+        let to = dir.join(safe(&file.path)?);
         if let Some(folder) = to.parent() {
             std::fs::create_dir_all(folder).map_err(|e| at(folder, &e))?;
         }
@@ -95,15 +136,23 @@ pub async fn package(api: &Api, id: JobId, target: &Path) -> Result<(), CommandE
             return Err(CommandError::work(format!("{} arrived damaged: {bytes} bytes, SHA-256 {hash}; fetch again", file.path)));
         }
     }
-    api.asset(id, "report.json", &staging.path().join("report.json")).await?;
-    for entry in std::fs::read_dir(staging.path()).map_err(|e| at(staging.path(), &e))? {
-        let entry = entry.map_err(|e| at(staging.path(), &e))?;
-        let to = target.join(entry.file_name());
-        std::fs::rename(entry.path(), &to).map_err(|e| at(&to, &e))?;
+    api.asset(id, "report.json", &dir.join("report.json")).await?;
+    let last = dir.join(manifest::PATH);
+    std::fs::write(&last, &text).map_err(|e| at(&last, &e))
+}
+
+/// Moves what is in `staging` into `target`, the entry `last` at the end.
+fn publish(staging: &Path, target: &Path, last: &str) -> Result<(), CommandError> {
+    let mut names = Vec::new();
+    for entry in std::fs::read_dir(staging).map_err(|e| at(staging, &e))? {
+        names.push(entry.map_err(|e| at(staging, &e))?.file_name());
     }
-    let last = staging.path().join(manifest::PATH);
-    std::fs::write(&last, &text).map_err(|e| at(&last, &e))?;
-    std::fs::rename(&last, target.join(manifest::PATH)).map_err(|e| at(target, &e))
+    names.sort_by_key(|name| name == last);
+    names.iter().try_for_each(|name| std::fs::rename(staging.join(name), target.join(name)).map_err(|e| at(&target.join(name), &e)))
+}
+
+fn at(path: &Path, e: &std::io::Error) -> CommandError {
+    CommandError::work(format!("{}: {e}", path.display()))
 }
 
 /// A path of a manifest, which came over a network, stays inside the folder.
@@ -140,6 +189,32 @@ mod tests {
         for bad in ["", "/etc/passwd", "../x", "a/../../b", "./x"] {
             assert!(safe(bad).is_err(), "{bad}");
         }
+    }
+
+    #[test]
+    fn the_last_entry_waits_for_all_others() {
+        let dir = tempfile::tempdir().unwrap();
+        let (staging, target) = (dir.path().join("staging"), dir.path().join("target"));
+        for folder in [&staging, &target] {
+            std::fs::create_dir(folder).unwrap();
+        }
+        for name in ["a", "index.html", "z"] {
+            std::fs::write(staging.join(name), name).unwrap();
+        }
+        // In the way of `z`: a folder that is not empty cannot be replaced.
+        std::fs::create_dir_all(target.join("z/x")).unwrap();
+        assert!(publish(&staging, &target, "index.html").is_err());
+        assert!(!target.join("index.html").exists());
+        std::fs::remove_dir_all(target.join("z")).unwrap();
+        publish(&staging, &target, "index.html").unwrap();
+        assert!(["a", "index.html", "z"].iter().all(|name| target.join(name).exists()));
+    }
+
+    #[test]
+    fn the_package_lies_beside_the_viewer() {
+        let (plain, viewed) = (Content { with_viewer: false }, Content { with_viewer: true });
+        assert_eq!(plain.package_in(Path::new("out")), Path::new("out"));
+        assert_eq!(viewed.package_in(Path::new("out")), Path::new("out/package"));
     }
 
     #[test]

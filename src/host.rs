@@ -64,7 +64,8 @@ impl Host {
     }
 }
 
-fn bind_error(address: SocketAddr, error: &std::io::Error) -> CommandError {
+/// Why an address cannot be listened on, and what to do.
+pub fn bind_error(address: SocketAddr, error: &std::io::Error) -> CommandError {
     let hint = match error.kind() {
         std::io::ErrorKind::AddrInUse => "another program listens there; choose another with --listen",
         std::io::ErrorKind::PermissionDenied => "ports below 1024 need privileges; choose another with --listen",

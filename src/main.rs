@@ -22,6 +22,8 @@ mod render;
 mod serve;
 mod submit;
 mod table;
+mod view;
+mod viewer;
 mod watch;
 mod work;
 
@@ -57,6 +59,7 @@ enum Command {
     Fetch(fetch::FetchArgs),
     Cancel(watch::CancelArgs),
     Jobs(watch::JobsArgs),
+    View(view::ViewArgs),
     Inspect(inspect::Args),
     Encode(encode::Args),
     Decode(decode::Args),
@@ -112,6 +115,7 @@ async fn run_networked(command: &Command, json: bool) -> Result<(), CommandError
         Command::Submit(args) => submit::run(args, json).await,
         Command::Watch(args) => watch::watch(args, json).await,
         Command::Fetch(args) => fetch::run(args, json).await,
+        Command::View(args) => view::run(args, json).await,
         Command::Cancel(args) => watch::cancel(args, json).await,
         Command::Jobs(args) => watch::jobs(args, json).await,
         Command::Inspect(_) | Command::Encode(_) | Command::Decode(_) | Command::Render(_) | Command::Eval(_) | Command::Config(_) => {

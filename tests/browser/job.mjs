@@ -108,8 +108,10 @@ const stories = {
     }
     const hash = () => page.evaluate(() => location.hash);
     await page.keyboard.press('ArrowLeft');
-    await page.waitForFunction(() => location.hash.includes('eye='));
-    const [before, link] = [await page.evaluate(() => document.querySelector('kiln-viewer').getCamera()), await hash()];
+    const before = await page.evaluate(() => document.querySelector('kiln-viewer').getCamera());
+    // The address follows a moment later.
+    await page.waitForFunction((x) => Math.abs(Number(/eye=([^,&]+)/.exec(location.hash)?.[1]) - x) < 1e-2, before.eye[0]);
+    const link = await hash();
     await page.keyboard.press('Home');
     await page.waitForFunction((link) => location.hash !== link, link);
     await page.evaluate((link) => (location.hash = link), link);

@@ -171,8 +171,8 @@ impl Server {
         Self::spawn(command)
     }
 
-    fn spawn(mut command: Command) -> Self {
-        let (process, said) = announced(&mut command);
+    fn spawn(command: Command) -> Self {
+        let (process, said) = announced(command);
         let port = u16::try_from(said["port"].as_u64().unwrap()).unwrap();
         Self { process, url: said["url"].as_str().unwrap().to_owned(), port }
     }
@@ -251,20 +251,21 @@ impl View {
     /// Serves a package on a free port.
     pub(crate) fn start(package: &Path) -> Self {
         let mut command = kiln(["--json", "view"]);
-        let (process, said) = announced(command.arg(package));
+        command.arg(package);
+        let (process, said) = announced(command);
         Self { _process: process, url: said["url"].as_str().unwrap().to_owned() }
     }
 }
 
-/// Starts a service that says on its first line, in JSON, where it is.
-fn announced(command: &mut Command) -> (Process, Value) {
+/// Starts a command that serves until it is stopped, and reads the line of JSON with which it says where.
+pub(crate) fn announced(mut command: Command) -> (Process, Value) {
     let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
     let mut first = String::new();
     BufReader::new(child.stdout.take().unwrap()).read_line(&mut first).unwrap();
     let Ok(said) = serde_json::from_str::<Value>(&first) else {
         let mut error = String::new();
         child.stderr.take().unwrap().read_to_string(&mut error).ok();
-        panic!("{command:?} did not start: {error}");
+        panic!("kiln did not start to serve: {error}");
     };
     // Nobody reads its log from here on; a full pipe must not stop it.
     let mut log = child.stderr.take().unwrap();

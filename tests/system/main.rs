@@ -14,3 +14,5 @@ mod page_job;
 mod page_parity;
 mod reference;
 mod service;
+#[cfg(feature = "page")]
+mod viewer;

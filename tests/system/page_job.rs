@@ -34,8 +34,13 @@ fn page_shows_tiles_as_they_come_and_then_the_package() {
 fn page_says_why_a_job_failed() {
     let dir = TempDir::new().unwrap();
     let server = start(&dir, &[]);
-    let job = server.submit_room(&["--texture-size", "no_such_surface=8x8"]);
-    story("failed", &server, GPUS[1], &job).finish();
+    let scene = server.get(&format!("/v1/jobs/{}", server.submit_room(&[])))["scene"].clone();
+    // Settings are checked against the scene when the job is prepared.
+    let new = serde_json::json!({"scene": scene, "settings": {"texture_sizes": {"no_such_surface": "8x8"}}});
+    let url = format!("{}/v1/jobs", server.url);
+    let job: serde_json::Value =
+        runtime().block_on(async { reqwest::Client::new().post(url).json(&new).send().await.unwrap().json().await.unwrap() });
+    story("failed", &server, GPUS[1], job["id"].as_str().unwrap()).finish();
 }
 
 #[test]

@@ -30,7 +30,6 @@ pub(super) async fn about() -> Html<String> {
 }
 
 /// What stands for the page of a job in a build without the page.
-#[must_use]
 pub(super) fn job_without_page(job: JobId) -> Html<String> {
     let link = format!("/v1/jobs/{job}");
     let body = format!("<p>This build of Kiln has no page.</p><p><a href=\"{link}\">{link}</a> has the job as JSON.</p>");

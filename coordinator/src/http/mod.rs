@@ -25,6 +25,7 @@ mod scenes;
 mod settings_schema;
 mod tiles;
 mod upload;
+pub mod view;
 mod worker_protocol;
 mod workers;
 

@@ -52,7 +52,8 @@ export class Painter {
 
   /** One frame on the canvas. */
   draw(scene: Scene, camera: PerspectiveCamera, object: LightFieldObject | null, mode: ViewMode, hardware: boolean): void {
-    if (mode === 'error' && object) {
+    // Until raw radiance is there, the plain view: half of a comparison shows errors that are none.
+    if (mode === 'error' && object?.surfaces.every((view) => view.hasRaw)) {
       this.drawError(scene, camera, object, hardware);
       return;
     }

@@ -49,6 +49,7 @@ export class SurfaceView {
   /** Counts layouts: work that was begun for textures that are gone writes nothing. */
   private generation = 0;
   private rawGeneration = 0;
+  private rawReady = false;
   private look: Look = 'shown';
   private hardware = true;
 
@@ -168,7 +169,14 @@ export class SurfaceView {
     const held = this.makeSamples('raw');
     // Known from the start, so that a layout that comes in between lets go of it.
     this.looks.raw = held.drawable;
+    this.rawReady = false;
     await this.writeRaw(renderer, held, () => {});
+    this.rawReady = true;
+  }
+
+  /** Whether all of the raw radiance is there. */
+  get hasRaw(): boolean {
+    return this.looks.raw !== undefined && (this.rawReady || this.looks.raw === this.looks.shown);
   }
 
   /** Lets go of raw radiance, unless it is what is shown. */

@@ -22,11 +22,12 @@ export class ViewControls {
   private readonly orbit: OrbitControls;
   private readonly canvas: HTMLCanvasElement;
   private readonly changed: () => void;
+  private readonly taken: () => void;
   private home: (() => void) | null = null;
   private readonly onKey = (event: KeyboardEvent) => this.key(event);
 
-  /** `changed` is called whenever the camera has moved. */
-  constructor(camera: PerspectiveCamera, canvas: HTMLCanvasElement, changed: () => void) {
+  /** `changed` is called whenever the camera has moved, `taken` when a person begins to move it. */
+  constructor(camera: PerspectiveCamera, canvas: HTMLCanvasElement, changed: () => void, taken: () => void) {
     this.camera = camera;
     this.canvas = canvas;
     this.changed = changed;
@@ -35,6 +36,8 @@ export class ViewControls {
     this.orbit.minPolarAngle = POLE;
     this.orbit.maxPolarAngle = Math.PI - POLE;
     this.orbit.addEventListener('change', changed);
+    this.orbit.addEventListener('start', taken);
+    this.taken = taken;
   }
 
   /** Whether people may move the camera. */
@@ -109,6 +112,7 @@ export class ViewControls {
     const action = act[event.key];
     if (!action) return;
     event.preventDefault();
+    this.taken();
     action();
   }
 

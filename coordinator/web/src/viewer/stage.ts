@@ -57,6 +57,7 @@ export class Stage {
   /** The field that was asked for last; it is `object` once it is shown. */
   private latest: LightFieldObject | null = null;
   private rotatedAt = 0;
+  /** Whether somebody chose the camera: it stays then, whatever is shown and however the element is resized. */
   private placed = false;
   private working = 0;
 
@@ -71,7 +72,7 @@ export class Stage {
       events.error({ type: 'shader', message: `This GPU's driver does not compile a shader of the viewer: ${logs}` });
     };
     this.painter = new Painter(this.renderer);
-    this.controls = new ViewControls(this.camera, canvas, () => this.cameraMoved());
+    this.controls = new ViewControls(this.camera, canvas, () => this.cameraMoved(), () => (this.placed = true));
     this.controls.onHome = () => this.home();
     const gl = this.renderer.getContext() as WebGL2RenderingContext;
     this.frames = new Frames(gl, (now) => this.draw(now), () => events.frame());
