@@ -1,6 +1,6 @@
 // Radiance of a baked surface toward the eye. `lf_common`, one scheme and `lf_draft` come before it.
 
-uniform int lfOutput;         // 0: for the screen, sRGB-coded; 1: linear radiance x 2^stops, and the chart's number
+uniform int lfOutput;         // 0: for the screen, sRGB-coded; 1: linear radiance x 2^stops, and the chart's number; 2: what is looked up: uv, w.xy
 uniform float lfExposure;     // the viewer's factor on radiance
 uniform float lfTexelGrid;    // 1 draws lines along texel borders
 
@@ -26,6 +26,10 @@ void main() {
 	vec3 t = normalize( vTangent - n * dot( n, vTangent ) );
 	vec3 toEye = normalize( vToEye );
 	vec3 w = vec3( dot( t, toEye ), dot( cross( n, t ), toEye ), dot( n, toEye ) );
+	if ( lfOutput == 2 ) {
+		outColor = vec4( vUv, w.xy );
+		return;
+	}
 	vec3 radiance = lfRadiance( vUv, w );
 	if ( lfOutput == 1 ) {
 		outColor = vec4( radiance, vChart );

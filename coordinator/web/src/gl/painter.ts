@@ -62,13 +62,17 @@ export class Painter {
   }
 
   /**
-   * Linear radiance times 2^stops of every pixel, bottom row first, and as alpha the number of the chart (from 1; 0 behind the scene).
+   * What every pixel holds, bottom row first, four floats each. `radiance`: linear radiance times 2^stops, and as alpha the number of the chart
+   * (from 1; 0 behind the scene). `lookup`: what is looked up there, u, v and the x and y of the direction toward the eye in the texel's frame.
    * Resolution and antialiasing of the canvas play no part.
    */
-  read(scene: Scene, camera: PerspectiveCamera, object: LightFieldObject, mode: ViewMode, hardware: boolean, width: number, height: number): Float32Array {
+  read(
+    scene: Scene, camera: PerspectiveCamera, object: LightFieldObject, what: 'radiance' | 'lookup', look: { mode: ViewMode; hardware: boolean },
+    width: number, height: number,
+  ): Float32Array {
     const target = new WebGLRenderTarget(width, height, { type: FloatType, minFilter: NearestFilter, magFilter: NearestFilter });
-    object.show(mode === 'diffuse' ? 'mean' : 'shown', hardware);
-    this.linear(scene, camera, object, target);
+    object.show(look.mode === 'diffuse' ? 'mean' : 'shown', look.hardware);
+    this.linear(scene, camera, object, target, what === 'lookup' ? 2 : 1);
     const out = new Float32Array(width * height * 4);
     this.renderer.readRenderTargetPixels(target, 0, 0, width, height, out);
     target.dispose();
@@ -103,10 +107,10 @@ export class Painter {
     return this.targets;
   }
 
-  private linear(scene: Scene, camera: PerspectiveCamera, object: LightFieldObject, target: WebGLRenderTarget): void {
+  private linear(scene: Scene, camera: PerspectiveCamera, object: LightFieldObject, target: WebGLRenderTarget, output = 1): void {
     const { renderer } = this;
     const alpha = renderer.getClearAlpha();
-    object.uniforms.lfOutput.value = 1;
+    object.uniforms.lfOutput.value = output;
     renderer.setClearAlpha(0);
     renderer.setRenderTarget(target);
     renderer.render(scene, camera);

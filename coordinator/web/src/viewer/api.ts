@@ -150,9 +150,9 @@ export interface KilnViewerElement extends HTMLElement {
   jumpCameraToGoal(): void;
   toDataURL(type?: string, quality?: number): string;
   toBlob(options?: { mimeType?: string; qualityArgument?: number }): Promise<Blob>;
-  /** Linear radiance x 2^stops of every pixel of a view of this size, RGBA, bottom row first; alpha is the number of the chart, from 1, and 0 behind
-   * the scene. What is not baked is 0. */
-  renderRadiance(width: number, height: number): Float32Array;
+  /** A view of this size in floats, four a pixel, bottom row first. `radiance`: linear radiance x 2^stops, and as alpha the number of the chart, from 1,
+   * 0 behind the scene; what is not baked is 0. `lookup`: what is looked up there: u, v, and x and y of the direction toward the eye in the texel's frame. */
+  renderFloats(what: 'radiance' | 'lookup', width: number, height: number): Float32Array;
   /** Draws frames one after another, each finished before the next begins; their milliseconds. */
   benchmark(frames: number): number[];
   /** Picks the texel under a point of the element, CSS pixels from its left top corner; also fires `pick`. */

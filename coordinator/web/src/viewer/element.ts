@@ -202,8 +202,8 @@ export class KilnViewer extends HTMLElement implements KilnViewerElement {
     return sample;
   }
 
-  renderRadiance(width: number, height: number): Float32Array {
-    return this.stage?.readRadiance(width, height) ?? new Float32Array(width * height * 4);
+  renderFloats(what: 'radiance' | 'lookup', width: number, height: number): Float32Array {
+    return this.stage?.read(what, width, height) ?? new Float32Array(width * height * 4);
   }
 
   benchmark(frames: number): number[] { return this.stage?.frames.benchmark(frames) ?? []; }

@@ -184,13 +184,13 @@ export class Stage {
   }
 
   /** See {@link Painter.read}. */
-  readRadiance(width: number, height: number): Float32Array {
+  read(what: 'radiance' | 'lookup', width: number, height: number): Float32Array {
     if (!this.object) return new Float32Array(width * height * 4);
     const { aspect } = this.camera;
     this.camera.aspect = width / height;
     this.camera.updateProjectionMatrix();
     this.fitClipPlanes();
-    const out = this.painter.read(this.scene, this.camera, this.object, this.options.mode, this.options.hardware, width, height);
+    const out = this.painter.read(this.scene, this.camera, this.object, what, this.options, width, height);
     this.camera.aspect = aspect;
     this.camera.updateProjectionMatrix();
     return out;
