@@ -17,6 +17,7 @@ mod meter;
 mod open;
 mod packages;
 pub mod ports;
+mod preview;
 mod progress;
 mod report;
 mod runner;
@@ -26,7 +27,7 @@ mod signals;
 mod space;
 mod tasks;
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;
 mod types;
 
 pub use self::core::Clock;
@@ -36,6 +37,7 @@ pub use crate::{
 };
 pub use error::EngineError;
 pub use open::Parts;
+pub use preview::StoredPackage;
 pub use types::{Download, Estimate, JobPage, Statistics, UploadedFile};
 
 use self::core::Core;

@@ -5,7 +5,7 @@ mod crash;
 mod faults;
 mod flow;
 mod lost;
-mod real;
+pub(crate) mod real;
 
 use super::{
     Engine, EngineError, JobFilter, Parts, UploadedFile, background,

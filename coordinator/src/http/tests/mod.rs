@@ -2,6 +2,7 @@
 
 mod jobs;
 mod package;
+mod preview;
 mod surface;
 mod tcp;
 mod uploads;
