@@ -92,7 +92,7 @@ pub(super) async fn picture(
     Query(query): Query<PictureQuery>,
     headers: HeaderMap,
 ) -> Answer<Response> {
-    let view = View::from_query(|name| query.text(name)).map_err(refused)?;
+    let view = View::from_query(|name| query.text(name)).map_err(|error| refused(&error))?;
     let hash = match app.engine.package_hash(job).await {
         Ok(hash) => hash,
         Err(error) => return Err(explain(&app, job, error).await),
@@ -140,9 +140,9 @@ async fn make(app: &App, job: JobId, view: View, etag: String) -> Answer<Bytes> 
         Ok(png)
     });
     let made = made.await.map_err(Failure::internal)??;
-    made.map_err(|error| refused(error.into()))
+    made.map_err(|error| refused(&error.into()))
 }
 
-fn refused(error: BadView) -> Failure {
+fn refused(error: &BadView) -> Failure {
     Failure::new(Kind::InvalidRequest, error.to_string()).field(error.field)
 }
