@@ -13,6 +13,7 @@ mod page;
 mod page_job;
 mod page_parity;
 mod reference;
+mod render;
 mod service;
 #[cfg(feature = "page")]
 mod viewer;

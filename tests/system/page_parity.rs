@@ -7,6 +7,7 @@ use crate::{
     browser::{GPUS, Script},
     harness::{View, bake_room},
 };
+use glam::Vec3;
 use kiln_coordinator::preview::{Camera, Light, Mode, Origin, PackageFiles, PictureSize, render};
 use kiln_proto::{
     format::{
@@ -17,7 +18,6 @@ use kiln_proto::{
     plan::Plan,
     scene::Scene,
 };
-use glam::Vec3;
 use std::{fs, path::Path};
 use tempfile::TempDir;
 
@@ -120,10 +120,8 @@ fn compare_on(gpu: &str, raw: &str, exact: f32, hardware: f32) {
     fs::create_dir(&out).unwrap();
     bake_room(&package, &["--directions", "20x20", "--raw", raw]);
     let (view, reference) = (View::start(&package), Reference::open(&package));
-    let cameras: Vec<_> = CAMERAS
-        .iter()
-        .map(|(eye, target)| serde_json::json!({"eye": eye.to_array(), "target": target.to_array(), "fov": FOV}))
-        .collect();
+    let cameras: Vec<_> =
+        CAMERAS.iter().map(|(eye, target)| serde_json::json!({"eye": eye.to_array(), "target": target.to_array(), "fov": FOV})).collect();
     let cameras = serde_json::Value::from(cameras).to_string();
     let (width, height) = (SIZE.0.to_string(), SIZE.1.to_string());
     let script = Script::start("parity.mjs", [&view.url, gpu, out.to_str().unwrap(), &width, &height, &cameras]);

@@ -5,10 +5,12 @@
 
 mod local;
 mod name;
+mod positioned;
 mod stage;
 
 pub use local::LocalBlobs;
 pub use name::BlobName;
+pub use positioned::BlobFile;
 pub use stage::publish;
 
 use bytes::Bytes;

@@ -19,6 +19,7 @@ mod meter;
 mod open;
 mod packages;
 pub mod ports;
+mod preview;
 mod progress;
 mod report;
 mod runner;
@@ -28,7 +29,7 @@ mod signals;
 mod space;
 mod tasks;
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;
 mod types;
 
 pub use self::core::Clock;
@@ -39,6 +40,7 @@ pub use crate::{
 pub use error::EngineError;
 pub use live::LiveScene;
 pub use open::Parts;
+pub use preview::StoredPackage;
 pub use types::{Download, Estimate, JobPage, Statistics, UploadedFile};
 
 use self::core::Core;

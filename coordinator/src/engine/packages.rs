@@ -50,7 +50,8 @@ impl Engine {
         found.ok_or_else(|| EngineError::NotFound { what: "package file", id: path.chars().take(200).collect() })
     }
 
-    async fn published(&self, job: JobId) -> Result<Vec<StoredPackageFile>, EngineError> {
+    /// The files of a finished job's package with their blobs.
+    pub(super) async fn published(&self, job: JobId) -> Result<Vec<StoredPackageFile>, EngineError> {
         let row = self.core.store.job(job).await?.ok_or_else(|| EngineError::NotFound { what: "job", id: job.to_string() })?;
         if row.state != Job::Done {
             return Err(EngineError::Conflict {

@@ -19,6 +19,8 @@ mod live;
 mod metrics;
 mod openapi;
 mod page;
+mod pictures;
+mod preview;
 mod problem;
 mod routes;
 mod scenes;
@@ -37,7 +39,7 @@ pub use layers::HostPolicy;
 pub use openapi::openapi;
 pub use tiles::DoneTiles;
 
-use self::{catalogue::Kind, metrics::Metrics, problem::Failure, routes::Routes};
+use self::{catalogue::Kind, metrics::Metrics, pictures::Pictures, problem::Failure, routes::Routes};
 use crate::engine::Engine;
 use axum::{Router, extract::DefaultBodyLimit, middleware};
 use kiln_proto::limits;
@@ -62,12 +64,13 @@ struct App {
     /// Cancelled when the service stops: streams and long polls end.
     closing: CancellationToken,
     chunk_slots: Arc<Semaphore>,
+    pictures: Arc<Pictures>,
 }
 
 impl App {
     fn new(engine: Arc<Engine>, hosts: HostPolicy, closing: CancellationToken) -> Self {
         let slots = engine.config().chunks.concurrent as usize * SPOOLING_PER_CHECK;
-        Self { engine, metrics: Arc::default(), hosts, closing, chunk_slots: Arc::new(Semaphore::new(slots)) }
+        Self { engine, metrics: Arc::default(), hosts, closing, chunk_slots: Arc::new(Semaphore::new(slots)), pictures: Arc::default() }
     }
 
     fn router(self) -> Router {

@@ -6,7 +6,7 @@
 use super::{
     archive, assets, bakes,
     catalogue::Kind,
-    events, health, index, jobs, live, metrics, page, problem,
+    events, health, index, jobs, live, metrics, page, preview, problem,
     routes::{Route, Routes},
     scenes, settings_schema, tiles, worker_protocol, workers,
 };
@@ -31,7 +31,7 @@ use utoipa::OpenApi;
         page::dashboard, page::job, page::asset, page::library, index::about, index::problem_page, document,
         scenes::create, scenes::get, bakes::create,
         jobs::create, jobs::list, jobs::get, jobs::delete, jobs::cancel, events::stream, tiles::get, live::scene, live::segments,
-        assets::manifest, assets::file, archive::zip, archive::tar_zst,
+        assets::manifest, assets::file, archive::zip, archive::tar_zst, preview::picture,
         worker_protocol::hello, worker_protocol::lease, worker_protocol::scene, worker_protocol::plan, worker_protocol::chunk,
         worker_protocol::heartbeat, worker_protocol::complete, worker_protocol::release,
         workers::list, workers::throughput, health::healthz, health::readyz, metrics::render),
@@ -114,8 +114,15 @@ fn describe_uploads(document: &mut Value) {
 
 /// OpenAPI 3.1 describes plain bytes by a media type without a schema.
 fn describe_bytes(value: &mut Value) {
-    const BYTES: &[&str] =
-        &["application/octet-stream", "application/zip", "application/zstd", "model/obj", worker_protocol::FRAME, live::SEGMENTS];
+    const BYTES: &[&str] = &[
+        "application/octet-stream",
+        "application/zip",
+        "application/zstd",
+        "image/png",
+        "model/obj",
+        worker_protocol::FRAME,
+        live::SEGMENTS,
+    ];
     match value {
         Value::Object(fields) => {
             for (name, field) in fields.iter_mut() {

@@ -4,7 +4,7 @@
 //! other: a test compares them, and the problem responses of the document are generated from here.
 
 use super::{
-    App, archive, assets, bakes, catalogue::Kind, events, health, index, jobs, live, metrics, openapi, page, scenes, tiles,
+    App, archive, assets, bakes, catalogue::Kind, events, health, index, jobs, live, metrics, openapi, page, preview, scenes, tiles,
     worker_protocol, workers,
 };
 use axum::{
@@ -123,6 +123,7 @@ impl Routes {
             .on(Verb::Get, "/v1/jobs/{id}/assets/{*path}", FILE, assets::file)
             .on(Verb::Get, "/v1/jobs/{id}/bundle.zip", ARCHIVE, archive::zip)
             .on(Verb::Get, "/v1/jobs/{id}/bundle.tar.zst", ARCHIVE, archive::tar_zst)
+            .on(Verb::Get, "/v1/jobs/{id}/preview.png", PICTURE, preview::picture)
     }
 
     fn worker_protocol(self) -> Self {
@@ -184,3 +185,4 @@ const PAGE: &[Kind] = &[Kind::PreconditionFailed];
 const FILE: &[Kind] = &[Kind::UnknownJob, Kind::UnknownAsset, Kind::JobNotDone, Kind::PreconditionFailed, Kind::RangeNotSatisfiable];
 const SCENE: &[Kind] = &[Kind::UnknownJob, Kind::JobNotDone, Kind::PreconditionFailed];
 const ARCHIVE: &[Kind] = &[Kind::UnknownJob, Kind::JobNotDone, Kind::PreconditionFailed];
+const PICTURE: &[Kind] = &[Kind::UnknownJob, Kind::JobNotDone, Kind::InvalidRequest, Kind::PreconditionFailed];

@@ -13,6 +13,8 @@ pub const PIXELS: u64 = 8_388_608;
 pub const DEFAULT_FOV: f32 = 45.0;
 /// The smallest and the largest vertical field of view, degrees.
 const FOV: std::ops::RangeInclusive<f32> = 1.0..=170.0;
+/// The largest coordinate, metres: its cube is still a number in every product.
+const FARTHEST: f32 = 1e15;
 /// A view this close to vertical (the sine of the angle) has -Z up instead of +Y.
 const VERTICAL: f64 = 1e-3;
 /// Azimuths and elevations that the default view is chosen among, degrees; all azimuths at the first elevation come first.
@@ -82,7 +84,7 @@ pub enum BadCamera {
         height: u32,
     },
     /// A coordinate that is no number, or so large that nothing can be computed with it.
-    #[error("{what} {at}: coordinates must be finite and at most 1e15 m from 0")]
+    #[error("{what} {at}: coordinates must be finite and at most {FARTHEST:e} m from 0")]
     NotFinite {
         /// `eye` or `target`.
         what: &'static str,
@@ -120,20 +122,9 @@ impl Camera {
     /// # Errors
     /// Coordinates that are not finite, an eye at the target, a field of view out of range.
     pub fn new(eye: Vec3, target: Vec3, fov: f32, size: PictureSize) -> Result<Self, BadCamera> {
-        for (what, at) in [("eye", eye), ("target", target)] {
-            // NaN compares false.
-            if !at.abs().to_array().iter().all(|c| *c <= 1e15) {
-                return Err(BadCamera::NotFinite { what, at });
-            }
-        }
-        if !FOV.contains(&fov) {
-            return Err(BadCamera::Fov { fov });
-        }
+        check(Some(eye), Some(target), fov)?;
         let along = target.as_dvec3() - eye.as_dvec3();
         let forward = along / along.length();
-        if !forward.is_finite() {
-            return Err(BadCamera::NoDirection { at: eye });
-        }
         let up = if forward.cross(DVec3::Y).length() < VERTICAL { DVec3::NEG_Z } else { DVec3::Y };
         let right = forward.cross(up);
         let right = right / right.length();
@@ -176,6 +167,21 @@ impl Camera {
     }
 }
 
+/// What can be said against a camera before it is known where it stands when nobody says so.
+pub(super) fn check(eye: Option<Vec3>, target: Option<Vec3>, fov: f32) -> Result<(), BadCamera> {
+    for (what, at) in [("eye", eye), ("target", target)] {
+        // NaN compares false.
+        if let Some(at) = at.filter(|at| !at.abs().to_array().iter().all(|c| *c <= FARTHEST)) {
+            return Err(BadCamera::NotFinite { what, at });
+        }
+    }
+    match (eye, target) {
+        _ if !FOV.contains(&fov) => Err(BadCamera::Fov { fov }),
+        (Some(eye), Some(target)) if eye == target => Err(BadCamera::NoDirection { at: eye }),
+        _ => Ok(()),
+    }
+}
+
 /// Half the width and height of the picture at distance 1.
 fn half_sides(fov: f32, size: PictureSize) -> [f64; 2] {
     let (sin, cos) = math::sin_cos_degrees(f64::from(fov) / 2.0);
@@ -189,9 +195,7 @@ fn half_sides(fov: f32, size: PictureSize) -> [f64; 2] {
 /// # Errors
 /// A field of view out of range.
 pub(super) fn default_view(scene: &Scene, fov: f32, size: PictureSize) -> Result<(Vec3, Vec3), BadCamera> {
-    if !FOV.contains(&fov) {
-        return Err(BadCamera::Fov { fov });
-    }
+    check(None, None, fov)?;
     let (low, high) = scene.bounds();
     let (low, high) = (Vec3::from_array(low).as_dvec3(), Vec3::from_array(high).as_dvec3());
     let (centre, radius) = ((low + high) / 2.0, (high - low).length() / 2.0);

@@ -17,6 +17,9 @@ pub use frame::{BACKGROUND, Frame, Pixel};
 pub use light::{Light, Origin, PackageFiles};
 pub use view::{BadView, Mode, View};
 
+#[cfg(test)]
+mod tests;
+
 use kiln_proto::{format::stream::ReadError, plan::Plan, scene::Scene};
 
 /// A number that changes whenever pictures of the same package and view may change: part of every entity tag.

@@ -1,6 +1,6 @@
 //! What someone asks to see, as text and as values: one set of checks for the command line and for HTTP.
 
-use super::camera::{BadCamera, Camera, DEFAULT_FOV, PictureSize, default_view};
+use super::camera::{BadCamera, Camera, DEFAULT_FOV, PictureSize, check, default_view};
 use glam::Vec3;
 use kiln_proto::scene::Scene;
 use serde::{Deserialize, Serialize};
@@ -85,9 +85,7 @@ impl View {
             exposure: read("exposure", text("exposure"), exposure)?.unwrap_or(default.exposure),
             mode: read("mode", text("mode"), str::parse)?.unwrap_or(default.mode),
         };
-        // A camera anywhere: whatever does not depend on the scene is wrong already.
-        let target = view.target.unwrap_or(view.eye.map_or(Vec3::ZERO, |eye| eye + Vec3::Z * (1.0 + eye.abs().max_element())));
-        Camera::new(view.eye.unwrap_or(target + Vec3::Z * (1.0 + target.abs().max_element())), target, view.fov, view.size)?;
+        check(view.eye, view.target, view.fov)?;
         Ok(view)
     }
 

@@ -10,19 +10,18 @@ use super::camera::Camera;
 use glam::{DVec3, Vec3, Vec3A};
 use kiln_proto::{frame::Frame, lookup, plan::Plan, scene::Scene};
 use obvhs::{
-    BvhBuildParams,
     aabb::Aabb,
-    bvh2::{Bvh2, builder::build_bvh2},
+    bvh2::{Bvh2, leaf_collapser::collapse},
+    ploc::{PlocBuilder, PlocSearchDistance, SortPrecision},
     ray::{Ray, RayHit},
 };
 use rayon::prelude::*;
-use std::{ops::Range, time::Duration};
+use std::ops::Range;
 
 /// How far boxes grow, relative to the largest number in the box test: 16 units in the last place.
 const GROW: f32 = 16.0 * f32::EPSILON;
-/// Quick to build, and without the optimiser, which may make a tree deeper than the stack that obvhs reserves for it.
-const BUILD: BvhBuildParams =
-    BvhBuildParams { reinsertion_batch_ratio: 0.0, post_collapse_reinsertion_batch_ratio_multiplier: 0.0, ..BvhBuildParams::fast_build() };
+/// Triangles of a leaf, at most, and what a step down the tree costs beside a triangle test.
+const LEAF: (u32, f32) = (8, 3.0);
 
 /// What a pixel sees.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -69,7 +68,7 @@ impl<'a> Stage<'a> {
             Aabb::new(Vec3A::from(low.as_vec3()) - grow, Vec3A::from(high.as_vec3()) + grow)
         };
         let boxes: Vec<Aabb> = corners.iter().map(boxed).collect();
-        let tree = if boxes.is_empty() { Bvh2::default() } else { build_bvh2(&boxes, BUILD, &mut Duration::default()) };
+        let tree = build(&boxes);
         let (mut first, mut charts) = (vec![0], vec![0]);
         for (surface, layout) in scene.surfaces.iter().zip(&plan.surfaces) {
             first.push(first[first.len() - 1] + surface.triangles.len());
@@ -125,6 +124,18 @@ impl<'a> Stage<'a> {
         let t = (0..3).map(|k| weights[k] * p[k].dot(d)).sum::<f64>() / d.length_squared();
         (t > 0.0).then_some(Hit { triangle, t: t as f32, weights })
     }
+}
+
+/// The hierarchy over boxes, without obvhs's optimiser, which may make a tree deeper than the stack that its traversal reserves, and without
+/// its self-test in debug builds, whose recursion a scene of a thousand identical triangles, one long chain, takes off the end of the stack.
+fn build(boxes: &[Aabb]) -> Bvh2 {
+    if boxes.is_empty() {
+        return Bvh2::default();
+    }
+    let indices = (0..boxes.len() as u32).collect();
+    let mut tree = PlocBuilder::with_capacity(boxes.len()).build(PlocSearchDistance::Low, boxes, indices, SortPrecision::U64, 2);
+    collapse(&mut tree, LEAF.0, LEAF.1);
+    tree
 }
 
 impl Seen {

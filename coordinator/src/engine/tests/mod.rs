@@ -6,7 +6,7 @@ mod faults;
 mod flow;
 mod live;
 mod lost;
-mod real;
+pub(crate) mod real;
 
 use super::{
     Engine, EngineError, JobFilter, Parts, UploadedFile, background,

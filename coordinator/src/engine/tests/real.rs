@@ -1,4 +1,4 @@
-//! The real pipeline end to end: real import, plan, segment checks and assembly. Only the light is invented: every texel is grey.
+//! The real pipeline end to end: real import, plan, segment checks and assembly. Only the light is invented: every texel is grey, byte 90.
 
 use super::*;
 use kiln_proto::{
@@ -91,23 +91,33 @@ async fn a_live_view_gets_the_light_without_raw_samples_and_the_scene_of_the_pac
     assert_eq!(engine.live_scene_bytes(&live).await.unwrap(), read_all(&engine, job, "scene.kiln").await);
 }
 
-#[tokio::test(flavor = "multi_thread")]
-async fn real_segments_become_a_real_package() {
-    let rig = Rig::new();
-    let engine = Engine::open(rig.config()).await.unwrap();
-    let scene = ready_scene(&engine).await;
+/// Submits a job whose light is grey.
+pub(crate) async fn submit(engine: &Arc<Engine>) -> JobId {
+    let scene = ready_scene(engine).await;
     let settings = SettingsPatch { directions: Some("2x2".parse().unwrap()), texels_per_metre: Some(12.0), ..SettingsPatch::default() };
-    let job = engine.create_job(NewJob { settings, ..new_job(&scene) }).await.unwrap().id;
-    let worker = Worker::join(&engine, "grey").await;
+    engine.create_job(NewJob { settings, ..new_job(&scene) }).await.unwrap().id
+}
+
+/// Bakes a job to its end.
+pub(crate) async fn bake(engine: &Arc<Engine>, job: JobId) {
+    let worker = Worker::join(engine, "grey").await;
     while !engine.job(job).await.unwrap().state.is_final() {
         let Some(grant) = worker.lease_within(20).await else { continue };
-        let studio = Studio::new(&engine, &grant).await;
+        let studio = Studio::new(engine, &grant).await;
         let segments: Vec<_> = (grant.tiles.start..grant.tiles.end).map(|t| (t, studio.segment(grant.phase, t))).collect();
         worker.put(grant.token, 0, &pack(&segments)).await.unwrap();
         engine.complete(grant.token, &finish()).await.unwrap();
     }
     let record = engine.job(job).await.unwrap();
     assert_eq!(record.state, JobState::Done, "{:?}", record.problem);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn real_segments_become_a_real_package() {
+    let rig = Rig::new();
+    let engine = Engine::open(rig.config()).await.unwrap();
+    let job = submit(&engine).await;
+    bake(&engine, job).await;
     let manifest: serde_json::Value = serde_json::from_slice(&engine.manifest(job).await.unwrap()).unwrap();
     let listed = manifest["files"].as_array().unwrap();
     let files = engine.package(job).await.unwrap();

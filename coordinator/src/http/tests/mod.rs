@@ -3,6 +3,7 @@
 mod jobs;
 mod package;
 mod page;
+mod preview;
 mod surface;
 mod tcp;
 mod uploads;

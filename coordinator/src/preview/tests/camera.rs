@@ -1,0 +1,73 @@
+use super::*;
+use crate::preview::camera::default_view;
+
+#[test]
+fn rays_go_through_the_pixels_of_an_upright_picture() {
+    let camera = Camera::new(Vec3::new(0.0, 0.0, 5.0), Vec3::ZERO, 90.0, size(3, 3)).unwrap();
+    assert_eq!(camera.direction(1, 1), Vec3::NEG_Z);
+    let corner = camera.direction(0, 0);
+    // The centre of the upper left pixel of three: two thirds of the way to the corner, at 45 degrees each way.
+    let expected = Vec3::new(-2.0 / 3.0, 2.0 / 3.0, -1.0).normalize();
+    assert!(corner.distance(expected) < 1e-6, "{corner}");
+    assert!(camera.direction(2, 1).x > 0.5 && camera.direction(1, 2).y < -0.5);
+    let wide = Camera::new(Vec3::new(0.0, 0.0, 5.0), Vec3::ZERO, 90.0, size(4, 2)).unwrap();
+    let right = wide.direction(3, 0);
+    assert!((right.x / -right.z - 1.5).abs() < 1e-6 && (right.y / -right.z - 0.5).abs() < 1e-6, "pixels are square: {right}");
+}
+
+#[test]
+fn a_vertical_view_has_a_top_too() {
+    let camera = Camera::new(Vec3::new(0.0, 5.0, 0.0), Vec3::ZERO, 90.0, size(2, 2)).unwrap();
+    let upper_left = camera.direction(0, 0);
+    assert!(upper_left.distance(Vec3::new(-0.5, -1.0, -0.5).normalize()) < 1e-6, "{upper_left}");
+    let nearly = Camera::new(Vec3::new(0.0, 5.0, 4e-3), Vec3::ZERO, 90.0, size(2, 2)).unwrap();
+    assert!(nearly.direction(0, 0).distance(upper_left) < 2e-3, "no jump where the rule changes over");
+}
+
+#[test]
+fn cameras_that_cannot_see_are_refused() {
+    let make = |eye: Vec3, fov| Camera::new(eye, Vec3::ONE, fov, size(4, 4));
+    for (eye, fov) in [
+        (Vec3::new(f32::NAN, 0.0, 0.0), 45.0),
+        (Vec3::new(0.0, f32::INFINITY, 0.0), 45.0),
+        (Vec3::new(0.0, 0.0, 1e16), 45.0),
+        (Vec3::ONE, 45.0),
+        (Vec3::ZERO, 0.99),
+        (Vec3::ZERO, 170.1),
+        (Vec3::ZERO, f32::NAN),
+    ] {
+        assert!(make(eye, fov).is_err(), "{eye} {fov}");
+    }
+    assert!(make(Vec3::ZERO, 1.0).is_ok() && make(Vec3::ZERO, 170.0).is_ok());
+    for (width, height) in [(0, 1), (1, 0), (4_097, 1), (4_096, 2_049), (100_000, 100_000)] {
+        assert!(PictureSize::new(width, height).is_err(), "{width} {height}");
+    }
+    assert!(PictureSize::new(4_096, 2_048).is_ok());
+    for bad in ["", "640", "640x", "x480", "-1x4", "640x480x3", "1e3x4"] {
+        assert!(bad.parse::<PictureSize>().is_err(), "{bad}");
+    }
+}
+
+/// The corner's fronts face up and toward +z: azimuth 0, and the elevation that sees more of both.
+#[test]
+fn the_default_view_shows_the_whole_scene_from_its_fronts() {
+    let scene = corner();
+    let (eye, target) = default_view(&scene, 60.0, size(200, 100)).unwrap();
+    assert_eq!(target, Vec3::new(0.0, 1.5, 0.0));
+    let offset = eye - target;
+    // The floor has 16 m² and the wall 12: the score 16 sin e + 12 cos e is 17.2 at 40 degrees, 16.5 at 20.
+    assert!(offset.x.abs() < 1e-5 && (offset.y / offset.length() - 0.642_787_6).abs() < 1e-6, "{offset}");
+    let radius = (16.0f32 + 9.0 + 16.0).sqrt() / 2.0;
+    assert!((offset.length() - radius / 0.5).abs() < 1e-4, "{}", offset.length());
+    // In an upright picture the width is what limits: tan of half the horizontal angle is half of tan 30 degrees.
+    let (eye, _) = default_view(&scene, 60.0, size(100, 200)).unwrap();
+    let tangent = 0.5 / 3.0f32.sqrt();
+    assert!((eye.distance(target) - radius * (1.0 + tangent * tangent).sqrt() / tangent).abs() < 1e-4);
+}
+
+#[test]
+fn of_equally_good_views_the_first_is_taken() {
+    let floor = scene_of(&[[[-2.0, 0.0, 2.0], [2.0, 0.0, 2.0], [2.0, 0.0, -2.0], [-2.0, 0.0, -2.0]]], 1.0);
+    let (eye, target) = default_view(&floor, 45.0, size(10, 10)).unwrap();
+    assert!((eye - target).x == 0.0 && (eye - target).z > 0.0, "azimuth 0: {eye}");
+}

@@ -1,0 +1,129 @@
+use super::*;
+use crate::preview::visibility::Stage;
+use kiln_proto::{
+    format::stream::Trust,
+    lookup::{self, DiffuseMean},
+    units::byte_to_radiance,
+};
+
+fn picture(scene: &Scene, plan: &Plan, files: &Files, camera: &Camera, origin: Origin, mode: Mode) -> Result<Frame, ReadError> {
+    render(scene, plan, &mut Light::new(files, scene, plan, origin, Trust::Checksum), camera, mode)
+}
+
+fn overview() -> Camera {
+    camera_at([1.5, 2.5, 4.0], [0.0, 0.8, -1.0], size(97, 71))
+}
+
+/// Every pixel is what the reference lookup says, bit by bit, from either source, and both ways to ask see the same charts.
+#[test]
+fn every_pixel_is_the_reference_lookup() {
+    let scene = corner();
+    let plan = plan_of(&scene, "70x66", "3x4");
+    // A hole in each surface, larger than what is read at once beside it.
+    let holds = |_: usize, texel: u64| !(20 * 70..25 * 70).contains(&texel) && texel % 70 != 30;
+    let files = files_of(&scene, &plan, holds);
+    let camera = overview();
+    let seen = Stage::new(&scene, &plan, camera.eye()).look(&camera, 0..71);
+    let factor = plan.exposure().factor();
+    let expected: Vec<Option<Rgb>> = seen
+        .iter()
+        .map(|seen| {
+            let seen = (*seen)?;
+            let n = seen.surface as usize;
+            let gutter = |t: u64| t % 70 < 52 + 3 && t / 70 < 50 + 2;
+            let sample =
+                |t: u64, depth: u32| (holds(n, t) && gutter(t)).then(|| Rgb::from(value(n, t, depth).map(|v| byte_to_radiance(v, factor))));
+            lookup::radiance(seen.uv, seen.toward, plan.surfaces[n].size, plan.settings.directions, sample)
+        })
+        .collect();
+    for origin in [Origin::Codec, Origin::Raw] {
+        let frame = picture(&scene, &plan, &files, &camera, origin, Mode::LightField).unwrap();
+        for ((pixel, seen), expected) in frame.pixels().iter().zip(&seen).zip(&expected) {
+            assert_eq!((pixel.chart, pixel.found), (seen.map_or(0, |s| s.chart), expected.is_some()));
+            let ground = if seen.is_some() { Rgb::BLACK } else { BACKGROUND };
+            assert_eq!(pixel.radiance, expected.unwrap_or(ground));
+        }
+        assert!(frame.without_light() > 10 && frame.pixels().iter().filter(|p| p.found).count() > 2_000);
+    }
+}
+
+#[test]
+fn diffuse_light_is_the_cosine_weighted_mean_and_does_not_depend_on_the_eye() {
+    let scene = corner();
+    let plan = plan_of(&scene, "70x66", "3x4");
+    let files = files_of(&scene, &plan, |_, _| true);
+    // The centre of texel (20, 30) of the floor, from two sides.
+    let at = [20.5 / 70.0 / 0.75 * 4.0 - 2.0, 0.0, 2.0 - 30.5 / 66.0 / 0.75 * 4.0];
+    let from = |eye: [f32; 3]| {
+        let camera = camera_at(eye, at, size(1, 1));
+        picture(&scene, &plan, &files, &camera, Origin::Codec, Mode::Diffuse).unwrap().pixels()[0].radiance
+    };
+    let factor = plan.exposure().factor();
+    let texel = (0..12).map(|depth| Rgb::from(value(0, 30 * 70 + 20, depth).map(|v| byte_to_radiance(v, factor))));
+    let expected = DiffuseMean::new(plan.settings.directions).of(texel);
+    for eye in [[1.0, 2.0, 3.0], [-1.5, 1.0, 0.5]] {
+        let found = from(eye);
+        assert!(
+            (found.r - expected.r).abs() < 1e-3 * expected.r && (found.b - expected.b).abs() < 1e-3 * expected.b,
+            "{found:?} {expected:?}"
+        );
+    }
+}
+
+#[test]
+fn a_picture_of_several_bands_is_one_picture() {
+    let scene = corner();
+    let plan = plan_of(&scene, "16x16", "2x2");
+    let files = files_of(&scene, &plan, |_, _| true);
+    // Two bands of 512 rows, the second cut short; the middle half of the rows as a picture of its own has the same rays.
+    let tall = camera_at([0.5, 1.5, 6.0], [0.5, 1.5, 0.0], size(1_024, 600));
+    let frame = picture(&scene, &plan, &files, &tall, Origin::Codec, Mode::LightField).unwrap();
+    assert_eq!(frame.pixels().len(), 1_024 * 600);
+    let seen = Stage::new(&scene, &plan, tall.eye()).look(&tall, 0..600);
+    assert!(frame.pixels().iter().zip(&seen).all(|(p, s)| p.chart == s.map_or(0, |s| s.chart)));
+    let rows = |y: usize| &frame.pixels()[y * 1_024..(y + 1) * 1_024];
+    assert!(rows(511).iter().zip(rows(512)).any(|(a, b)| a.found && b.found), "light on both sides of the seam");
+}
+
+#[test]
+fn bytes_are_exposed_srgb_and_the_background_is_not_exposed() {
+    let scene = corner();
+    let plan = plan_of(&scene, "16x16", "2x2");
+    let files = files_of(&scene, &plan, |_, _| true);
+    let frame = picture(&scene, &plan, &files, &overview(), Origin::Codec, Mode::LightField).unwrap();
+    for stops in [0.0, -2.5] {
+        let factor = plan.exposure().factor() * kiln_proto::math::exp2(stops);
+        for (pixel, bytes) in frame.pixels().iter().zip(frame.to_srgb(stops).as_chunks::<3>().0) {
+            let expected = pixel.radiance.to_array().map(|v| kiln_proto::units::radiance_to_byte(v, factor));
+            assert_eq!(*bytes, if pixel.chart == 0 { [0x20, 0x24, 0x28] } else { expected });
+        }
+    }
+    let png = image::load_from_memory(&frame.to_png(0.0).unwrap()).unwrap().to_rgb8();
+    assert_eq!((png.dimensions(), png.as_raw()), ((97, 71), &frame.to_srgb(0.0)));
+}
+
+#[test]
+fn files_that_are_damaged_or_missing_are_errors_that_name_them() {
+    let scene = corner();
+    let plan = plan_of(&scene, "16x16", "2x2");
+    let render = |files: &Files, origin| picture(&scene, &plan, files, &overview(), origin, Mode::LightField).unwrap_err().to_string();
+    let mut gone = files_of(&scene, &plan, |_, _| true);
+    gone.0.remove("surfaces/s1.mti");
+    assert_eq!(render(&gone, Origin::Codec), "surfaces/s1.mti");
+    let mut turned = files_of(&scene, &plan, |_, _| true);
+    // The first two kept samples of the floor change places, under a checksum that agrees.
+    let file = turned.0.get_mut("surfaces/s0.mti").unwrap();
+    let first: [u8; 2] = file[32..34].try_into().unwrap();
+    file.copy_within(34..36, 32);
+    file[34..36].copy_from_slice(&first);
+    let crc = crc32c::crc32c(&file[32..]);
+    file[28..32].copy_from_slice(&crc.to_le_bytes());
+    let whole = camera_at([-1.9, 1.0, 1.9], [-2.0, 0.0, 2.0], size(3, 3));
+    let error = picture(&scene, &plan, &turned, &whole, Origin::Codec, Mode::LightField).unwrap_err();
+    assert_eq!(error.to_string(), "surface `s0`, texel (0, 0)");
+    let mut none = plan_of(&scene, "16x16", "2x2");
+    none.settings.raw = None;
+    let files = files_of(&scene, &plan, |_, _| true);
+    let error = picture(&scene, &none, &files, &overview(), Origin::Raw, Mode::LightField).unwrap_err();
+    assert!(error.to_string().contains("no raw radiance"), "{error}");
+}
