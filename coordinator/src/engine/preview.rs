@@ -15,12 +15,13 @@ use kiln_proto::{
     plan::Plan,
     scene::Scene,
 };
-use std::sync::Arc;
+use std::{collections::HashMap, sync::Arc};
 use tokio::runtime::Handle;
 
 /// A finished package where the coordinator keeps it.
 pub struct StoredPackage {
-    files: Vec<StoredPackageFile>,
+    /// By path.
+    files: HashMap<String, StoredPackageFile>,
     scene: Arc<Scene>,
     plan: Arc<Plan>,
     blobs: Arc<dyn Blobs>,
@@ -44,7 +45,7 @@ impl Engine {
     /// # Errors
     /// As [`Engine::package`], and a scene or plan that is gone.
     pub async fn stored_package(&self, job: JobId) -> Result<StoredPackage, EngineError> {
-        let files = self.published(job).await?;
+        let files = self.published(job).await?.into_iter().map(|stored| (stored.file.path.clone(), stored)).collect();
         let row = self.core.store.job(job).await?.ok_or_else(|| EngineError::NotFound { what: "job", id: job.to_string() })?;
         let (Some(hash), Some(plan)) = (row.scene_hash, row.plan) else {
             return Err(EngineError::Broken(format!("job {job} is done without scene or plan")));
@@ -75,7 +76,7 @@ impl StoredPackage {
 impl PackageFiles for StoredPackage {
     fn open(&self, path: &str) -> Result<Box<dyn ReadAt>, ReadError> {
         let missing = || ReadError::Io { name: path.to_owned(), source: "the package has no such file".into() };
-        let stored = self.files.iter().find(|f| f.file.path == path).ok_or_else(missing)?;
+        let stored = self.files.get(path).ok_or_else(missing)?;
         Ok(Box::new(BlobFile::new(path.to_owned(), stored.blob, stored.file.bytes, Arc::clone(&self.blobs), self.runtime.clone())))
     }
 }

@@ -25,8 +25,8 @@ use kiln_proto::{format::stream::ReadError, plan::Plan, scene::Scene};
 /// A number that changes whenever pictures of the same package and view may change: part of every entity tag.
 pub const RENDERER_VERSION: u32 = 1;
 
-/// Pixels of one band: 40 MiB of what they see and need, and one read of the package for every band.
-const BAND_PIXELS: usize = 1 << 19;
+/// Pixels of one band: some 260 bytes each for what they see, need and find, so about 32 MiB.
+const BAND_PIXELS: usize = 1 << 17;
 
 /// Renders what `camera` sees. Threads: rayon's pool.
 ///

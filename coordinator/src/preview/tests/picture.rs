@@ -75,7 +75,7 @@ fn a_picture_of_several_bands_is_one_picture() {
     let scene = corner();
     let plan = plan_of(&scene, "16x16", "2x2");
     let files = files_of(&scene, &plan, |_, _| true);
-    // Two bands of 512 rows, the second cut short; the middle half of the rows as a picture of its own has the same rays.
+    // Bands of 128 rows, the last one cut short.
     let tall = camera_at([0.5, 1.5, 6.0], [0.5, 1.5, 0.0], size(1_024, 600));
     let frame = picture(&scene, &plan, &files, &tall, Origin::Codec, Mode::LightField).unwrap();
     assert_eq!(frame.pixels().len(), 1_024 * 600);
