@@ -32,7 +32,7 @@ await script(async ([url, gpu, done, waiting]) => {
   await dialog.waitFor({ state: 'hidden' });
   await page.keyboard.press('Enter');
   await dialog.getByRole('button', { name: /cancel the job|cancel job|yes/i }).press('Enter');
-  await page.getByText(/cancelled/i).first().waitFor();
+  await page.locator('#jobs .badge').filter({ hasText: /cancelled/i }).waitFor();
   const script = await page.request.get(`${url}/`);
   const policy = script.headers()['content-security-policy'];
   check(/script-src 'self'/.test(policy) && !/unsafe/.test(policy), `the policy allows more than the page's own scripts: ${policy}`);

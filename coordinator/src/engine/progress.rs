@@ -63,6 +63,7 @@ fn waiting(core: &Core, row: &JobRow) -> Option<String> {
         }
         Job::Baking { .. } if row.workers == 0 => Some(match core.present_workers() {
             0 => "no worker is connected; start one with `kiln work --join URL`".into(),
+            1 => "one worker is connected, it has not taken a tile of it yet".into(),
             n => format!("{n} workers are connected, none has taken a tile of it yet"),
         }),
         _ => None,
