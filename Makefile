@@ -38,12 +38,14 @@ tests/browser/node_modules/.package-lock.json: tests/browser/package-lock.json
 build: tools ## Build the kiln command into target/debug
 	cargo build --locked --bin kiln
 
-demo: build ## Bake a small room through coordinator and worker; under two minutes on two cores after the build
+demo: build ## Bake a small room through coordinator and worker and render a view of it; under two minutes on two cores after the build
 	rm -rf $(DEMO)
 	mkdir -p $(dir $(DEMO))
 	$(KILN) bake $(ROOM)/thesis.obj --settings $(ROOM)/nominal.json --texel-scale 0.25 --samples 256 --raw u8 -o $(DEMO)
 	$(KILN) inspect $(DEMO)
-	@echo "The package is in $(DEMO); '$(KILN) inspect --verify $(DEMO)' checks every claim in it."
+	$(KILN) render $(DEMO) --eye 10,5,13 --target 4,1.5,4 --fov 50 -o $(DEMO).png
+	@echo "The package is in $(DEMO), a view of it in $(DEMO).png; '$(KILN) view $(DEMO)' shows it in a browser,"
+	@echo "'$(KILN) inspect --verify $(DEMO)' checks every claim in it."
 
 lint: tools
 	cargo fmt --all --check
