@@ -8,6 +8,7 @@ mod browser;
 mod determinism;
 mod faults;
 mod full_disk;
+mod golden;
 mod harness;
 mod page;
 mod page_job;

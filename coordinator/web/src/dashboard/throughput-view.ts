@@ -3,7 +3,7 @@
 import type { Throughput } from '../live/records.ts';
 import { el, setText, svg } from '../ui/dom.ts';
 import { rate, short } from '../ui/format.ts';
-import { type Figure, areaPath, ceiling, series, tableRows } from './throughput.ts';
+import { type Figure, areaPath, ceiling, series, smooth, tableRows } from './throughput.ts';
 
 const [WIDTH, HEIGHT] = [720, 96];
 
@@ -23,7 +23,7 @@ class Curve {
   }
 
   draw(throughput: Throughput, at: number): void {
-    const values = series(throughput, this.figure, at);
+    const values = smooth(series(throughput, this.figure, at), throughput.interval_ms);
     const top = ceiling(values);
     // The youngest bucket is still being filled.
     const now = values[values.length - 2];

@@ -1,5 +1,5 @@
 import { expect, test } from 'vitest';
-import { SPAN_MS, areaPath, ceiling, series, tableRows } from './throughput.ts';
+import { SPAN_MS, areaPath, ceiling, series, smooth, tableRows } from './throughput.ts';
 
 const NOW = 1_800_000_000_000;
 const point = (before: number, rays: number) => ({ at_ms: NOW - before, rays, texels: rays / 10, tiles: 1, workers: 2 });
@@ -14,6 +14,11 @@ test('buckets that are missing are zero, and rates are per second', () => {
 test('what is older than the hour, or in the future, is not drawn', () => {
   const values = series({ interval_ms: 5_000, points: [point(SPAN_MS + 5_000, 9), point(-60_000, 9)] }, 'texels', NOW);
   expect(values.reduce((a, b) => a + b)).toBe(0);
+});
+
+test('work that is told in bursts is spread over half a minute, and none of it is lost', () => {
+  const values = smooth([0, 0, 60, 0, 0, 0, 0, 0, 0, 0], 5_000);
+  expect(values).toEqual([0, 0, 10, 10, 10, 10, 10, 10, 0, 0]);
 });
 
 test('scales end at round numbers', () => {

@@ -9,6 +9,8 @@ import { clockTime } from '../ui/format.ts';
 
 /** How far back the curves reach. */
 export const SPAN_MS = 3_600_000;
+/** What curves are a mean over; the rates of jobs and workers are, too. */
+const SMOOTH_MS = 30_000;
 /** Of the table's rows. */
 const ROW_MS = 300_000;
 
@@ -24,6 +26,16 @@ export function series({ interval_ms, points }: Throughput, figure: Figure, now:
     if (at >= 0 && at < buckets) values[at] += (point[figure] * 1000) / interval_ms;
   }
   return values;
+}
+
+/** Each bucket's mean with those of the half minute before it: workers tell their rays with every heartbeat, which is less often than a bucket. */
+export function smooth(values: readonly number[], intervalMs: number): number[] {
+  const width = Math.max(1, Math.round(SMOOTH_MS / intervalMs));
+  let sum = 0;
+  return values.map((value, i) => {
+    sum += value - (i >= width ? values[i - width] : 0);
+    return sum / width;
+  });
 }
 
 /** A round number at or above the largest value: 1, 2 or 5 times a power of ten; 1 for a curve of zeros. */
