@@ -52,7 +52,7 @@ lint: tools
 	cargo clippy --locked --workspace --all-targets -- -D warnings
 
 page-test: tools coordinator/web/node_modules/.package-lock.json ## Types and unit tests of the page
-	cd coordinator/web && npm run --silent check && npm run --silent test
+	cd coordinator/web && npm run --silent check && npm run --silent test && npm run --silent build:lib
 
 test: test-tools lint page-test tests/browser/node_modules/.package-lock.json ## Format, lints, unit tests, whole-system and browser tests, documentation tests
 	if command -v cargo-nextest >/dev/null; then cargo nextest run --workspace --no-fail-fast --locked; else cargo test --locked --workspace --lib --bins --tests --no-fail-fast; fi

@@ -47,6 +47,17 @@ step "encoding: bounded, eps = 2"
 "$KILN" encode "$OUT/room" -o "$OUT/bounded-2" --rule bounded --eps 2
 "$KILN" inspect --verify "$OUT/bounded-2" | tee "$OUT/bounded-2.txt"
 
+step "the page: first picture, frame times and memory of each way to draw, on two software GPUs"
+(cd tests/browser && npm ci --no-audit --no-fund --ignore-scripts --loglevel=error)
+"$KILN" --json view "$OUT/room" > "$OUT/view.json" &
+VIEW=$!
+trap 'kill $VIEW' EXIT
+until [ -s "$OUT/view.json" ]; do sleep 0.1; done
+URL=$(sed 's/.*"url":"\([^"]*\)".*/\1/' "$OUT/view.json")
+for gpu in swiftshader llvmpipe; do
+    node tests/browser/bench.mjs "$URL" $gpu | tee -a "$OUT/page.jsonl"
+done
+
 step "equal noise: the shared gather against a path per direction"
 cargo bench -p kiln-worker --bench equal_noise | tee "$OUT/equal_noise.jsonl"
 step "the cost of a full-size bake"

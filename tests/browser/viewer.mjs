@@ -44,6 +44,33 @@ async function modes(page, src) {
   check((await look(page)).hash === full.hash, 'the view does not come back to what it was');
 }
 
+/**
+ * Every pixel is decoded once, whatever lies behind it. Added up instead of replaced, the chart numbers of a pixel are those of one fragment; without
+ * the depth pre-pass, which shows that this can fail, they are not.
+ */
+async function hiddenFragments(page) {
+  const [prepass, none] = await page.evaluate(() => {
+    const viewer = document.querySelector('kiln-viewer');
+    viewer.resetCamera();
+    const charts = () => viewer.renderFloats('radiance', 320, 240).filter((_, i) => i % 4 === 3);
+    const once = charts();
+    const views = viewer.stage.object.surfaces;
+    for (const { mesh } of views) Object.assign(mesh.material, { blending: 5, blendEquation: 100, blendSrc: 201, blendDst: 201 });
+    const overdrawn = () => charts().reduce((count, chart, i) => count + (chart === once[i] ? 0 : 1), 0);
+    const withPrepass = overdrawn();
+    for (const { group } of views) group.children[0].visible = false;
+    const without = overdrawn();
+    for (const { group, mesh } of views) {
+      group.children[0].visible = true;
+      mesh.material.blending = 1;
+    }
+    return [withPrepass, without];
+  });
+  check(prepass === 0, `${prepass} pixels are decoded more than once`);
+  check(none > 100, `without the pre-pass only ${none} pixels would be decoded more than once: this view proves nothing`);
+  say('hidden fragments', { prepass, none });
+}
+
 async function picks(page) {
   const sample = await viewer(page, '(v) => { const s = v.pickAt(v.clientWidth / 2, v.clientHeight / 2); return s && { ...s, coded: [...s.coded], radiance: [...s.radiance] }; }');
   check(sample && sample.coded.length === sample.grid.nTheta * sample.grid.nPhi * 3, `no texel in the middle: ${JSON.stringify(sample)}`);
@@ -125,6 +152,7 @@ await script(async ([url, gpu]) => {
   await page.goto(url);
   const src = await page.evaluate(() => document.querySelector('kiln-viewer').src);
   await modes(page, src);
+  await hiddenFragments(page);
   await picks(page);
   await keyboard(page);
   await budget(page);
