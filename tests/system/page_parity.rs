@@ -3,7 +3,8 @@
 //! *Look-ups*: the shader says for every pixel what it looks up (texture coordinate, direction) and what it finds; the Rust decoder looks up the same. No
 //! pixel is left out. *Pictures*: the page's radiance against `kiln render`'s own ray casting. Pixels where the two see different charts are edges, where a
 //! triangle's border falls between two roundings; they are counted, and are few. llvmpipe places what it draws to 1/256 of a pixel, so that its pictures
-//! are held to the same bounds; SwiftShader snaps to 1/16, and what noise does within that is only bounded on average.
+//! are held to the same bounds. SwiftShader snaps corners to 1/16, and noise is not the same a sixteenth of a pixel further: there, a pixel must have a value
+//! that the reference has somewhere within it, give or take the bound.
 //!
 //! Differences are in levels of 1/255 as displayed. On a failure the figures of all schemes are in the message.
 
@@ -26,7 +27,7 @@ use kiln_proto::{
     settings::RawFormat,
     units::{Rgb, byte_to_radiance},
 };
-use std::{fs, path::Path};
+use std::{collections::BTreeMap, fs, path::Path};
 use tempfile::TempDir;
 
 const SIZE: (u32, u32) = (320, 240);
@@ -82,12 +83,10 @@ struct Difference {
 }
 
 impl Difference {
-    /// Adds a pixel: what is found, in units of 2^-stops, twice.
-    fn add(&mut self, page: &[f32; 4], reference: Rgb) {
-        let level = |linear: f32| math::srgb_oetf(linear.clamp(0.0, 1.0)) * 255.0;
+    /// Adds a pixel: by how many levels each channel is off.
+    fn add(&mut self, channels: impl Iterator<Item = f32>) {
         self.compared += 1;
-        for (page, reference) in page.iter().zip(reference.to_array()) {
-            let d = (level(*page) - level(reference)).abs();
+        for d in channels {
             self.max = self.max.max(d);
             self.sum += f64::from(d);
         }
@@ -139,30 +138,67 @@ impl Reference {
             };
             let (size, grid) = (self.plan.surfaces[surface].size, self.plan.settings.directions);
             let sample = |texel: u64, depth: u32| samples[texel as usize].as_ref().map(|all| all[depth as usize]);
-            difference.add(page, lookup::radiance([*u, *v], toward, size, grid, sample).unwrap_or_default());
+            let reference = lookup::radiance([*u, *v], toward, size, grid, sample).unwrap_or_default().to_array();
+            difference.add(page.iter().zip(reference).map(|(page, reference)| (level(*page) - level(reference)).abs()));
         }
         difference
     }
 
-    /// Compares the page's picture with the renderer's.
-    fn compare_pictures(&self, package: &Path, origin: Origin, camera: usize, page: &[[f32; 4]]) -> Difference {
-        let size = PictureSize::new(SIZE.0, SIZE.1).unwrap();
+    /// What the renderer sees in each pixel: `within` x `within` rays.
+    fn picture(&self, package: &Path, origin: Origin, camera: usize, within: u32) -> Vec<Expected> {
         let (eye, target) = CAMERAS[camera];
+        let size = PictureSize::new(SIZE.0 * within, SIZE.1 * within).unwrap();
         let files = Files(package);
         let mut light = Light::new(&files, &self.scene, &self.plan, origin, Trust::Hashed);
         let frame = render(&self.scene, &self.plan, &mut light, &Camera::new(eye, target, FOV, size).unwrap(), Mode::LightField).unwrap();
-        let mut difference = Difference::default();
+        let mut out = vec![Expected::default(); (SIZE.0 * SIZE.1) as usize];
         for (k, pixel) in frame.pixels().iter().enumerate() {
-            let (x, y) = (k % SIZE.0 as usize, k / SIZE.0 as usize);
-            let shown = &page[(SIZE.1 as usize - 1 - y) * SIZE.0 as usize + x];
-            if shown[3] as u32 != pixel.chart {
-                difference.edges += 1;
-            } else if pixel.chart > 0 {
-                difference.add(shown, pixel.radiance * self.factor);
-            }
+            let (x, y) = (k as u32 % size.width / within, k as u32 / size.width / within);
+            out[(y * SIZE.0 + x) as usize].add(pixel.chart, (pixel.radiance * self.factor).to_array().map(level));
         }
-        difference
+        out
     }
+}
+
+/// What a pixel may show: the span of each channel, levels, and the charts that are seen in it.
+#[derive(Debug, Clone, Default)]
+struct Expected {
+    charts: Vec<u32>,
+    span: [Option<(f32, f32)>; 3],
+}
+
+impl Expected {
+    fn add(&mut self, chart: u32, levels: [f32; 3]) {
+        if !self.charts.contains(&chart) {
+            self.charts.push(chart);
+        }
+        for (span, v) in self.span.iter_mut().zip(levels) {
+            let (low, high) = span.unwrap_or((v, v));
+            *span = Some((low.min(v), high.max(v)));
+        }
+    }
+}
+
+/// Compares a picture of the page with what its pixels may show.
+fn compare_pictures(expected: &[Expected], page: &[[f32; 4]]) -> Difference {
+    let mut difference = Difference::default();
+    for (k, pixel) in expected.iter().enumerate() {
+        let (x, y) = (k % SIZE.0 as usize, k / SIZE.0 as usize);
+        let shown = &page[(SIZE.1 as usize - 1 - y) * SIZE.0 as usize + x];
+        if pixel.charts != [shown[3] as u32] {
+            difference.edges += 1;
+        } else if shown[3] > 0.0 {
+            let outside =
+                |(v, span): (&f32, &Option<(f32, f32)>)| span.map_or(0.0, |(low, high)| (low - level(*v)).max(level(*v) - high).max(0.0));
+            difference.add(shown.iter().zip(&pixel.span).map(outside));
+        }
+    }
+    difference
+}
+
+/// As displayed, 0 to 255.
+fn level(linear: f32) -> f32 {
+    math::srgb_oetf(linear.clamp(0.0, 1.0)) * 255.0
 }
 
 /// All samples of a surface by the small reader: of the codec, and raw.
@@ -199,15 +235,9 @@ fn floats(path: &Path) -> Vec<[f32; 4]> {
     bytes.as_chunks::<16>().0.iter().map(|p| std::array::from_fn(|c| f32::from_le_bytes(p.as_chunks::<4>().0[c]))).collect()
 }
 
-/// Whether pictures are held to the bounds of look-ups, or only to a mean, levels.
-#[derive(Clone, Copy)]
-enum Pictures {
-    AsLookups,
-    OnAverage(f64),
-}
-
-/// Runs the page on `gpu` and compares every scheme: at most one level with exact filtering, two where the GPU filters.
-fn compare_on(gpu: &str, raw: &str, pictures: Pictures) {
+/// Runs the page on `gpu` and compares every scheme: at most one level with exact filtering, two where the GPU filters. Pictures are compared with
+/// `within` x `within` rays a pixel: one where the GPU places exactly what it draws.
+fn compare_on(gpu: &str, raw: &str, within: u32) {
     let dir = TempDir::new().unwrap();
     let (package, out) = (dir.path().join("room"), dir.path().join("out"));
     fs::create_dir(&out).unwrap();
@@ -217,7 +247,7 @@ fn compare_on(gpu: &str, raw: &str, pictures: Pictures) {
     let cameras = serde_json::Value::from(CAMERAS.iter().map(camera).collect::<Vec<_>>()).to_string();
     let (width, height) = (SIZE.0.to_string(), SIZE.1.to_string());
     let script = Script::start("parity.mjs", [&view.url, gpu, out.to_str().unwrap(), &width, &height, &cameras]);
-    let (mut report, mut bad) = (String::new(), false);
+    let (mut report, mut bad, mut pictures) = (String::new(), false, BTreeMap::new());
     for said in script.finish() {
         println!("{gpu} {said}");
         let (scheme, filter) = (said["scheme"].as_str().unwrap(), said["filter"].as_str().unwrap());
@@ -227,7 +257,9 @@ fn compare_on(gpu: &str, raw: &str, pictures: Pictures) {
             let file = |what: &str| floats(&out.join(format!("{scheme}-{filter}-{camera}.{what}")));
             let page = file("radiance");
             let found = reference.compare_lookups(origin, &page, &file("lookup"));
-            let shown = reference.compare_pictures(&package, origin, camera, &page);
+            let expected =
+                pictures.entry((origin == Origin::Raw, camera)).or_insert_with(|| reference.picture(&package, origin, camera, within));
+            let shown = compare_pictures(expected, &page);
             let line = format!(
                 "{gpu} {raw} {scheme} {filter} camera {camera}: look-ups: {} pixels, largest difference {:.3}, mean {:.4}; picture: largest {:.3}, mean {:.4}, \
                  {} of {} pixels at edges\n",
@@ -242,11 +274,8 @@ fn compare_on(gpu: &str, raw: &str, pictures: Pictures) {
             print!("{line}");
             report += &line;
             bad |= found.max > allowed || found.compared < (SIZE.0 * SIZE.1 / 8) as usize;
-            bad |= shown.edges > shown.compared / 100;
-            bad |= match pictures {
-                Pictures::AsLookups => shown.max > allowed,
-                Pictures::OnAverage(mean) => shown.mean() > mean,
-            };
+            // Of all pixels few are edges: more where any of several rays makes one.
+            bad |= shown.max > allowed || shown.edges * 100 > (shown.edges + shown.compared) * within as usize;
         }
     }
     assert_eq!(report.lines().count(), 5 * CAMERAS.len(), "{report}");
@@ -255,15 +284,15 @@ fn compare_on(gpu: &str, raw: &str, pictures: Pictures) {
 
 #[test]
 fn page_and_reference_agree_on_swiftshader() {
-    compare_on(GPUS[0], "u8", Pictures::OnAverage(0.5));
+    compare_on(GPUS[0], "u8", 5);
 }
 
 #[test]
 fn page_and_reference_agree_on_llvmpipe() {
-    compare_on(GPUS[1], "u8", Pictures::AsLookups);
+    compare_on(GPUS[1], "u8", 1);
 }
 
 #[test]
 fn page_and_reference_agree_on_linear_raw_radiance() {
-    compare_on(GPUS[1], "f32", Pictures::AsLookups);
+    compare_on(GPUS[1], "f32", 1);
 }
