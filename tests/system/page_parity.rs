@@ -4,7 +4,7 @@
 //! pixel is left out. *Pictures*: the page's radiance against `kiln render`'s own ray casting. Pixels where the two see different charts are edges, where a
 //! triangle's border falls between two roundings; they are counted, and are few. llvmpipe places what it draws to 1/256 of a pixel, so that its pictures
 //! are held to the same bounds. SwiftShader snaps corners to 1/16, and noise is not the same a sixteenth of a pixel further: there, a pixel must have a value
-//! that the reference has somewhere within it, give or take the bound.
+//! that the reference has somewhere within it, give or take a level; one in a thousand may not, where many texels fall into a pixel.
 //!
 //! Differences are in levels of 1/255 as displayed. On a failure the figures of all schemes are in the message.
 
@@ -80,16 +80,21 @@ struct Difference {
     /// The largest difference of a channel, levels.
     max: f32,
     sum: f64,
+    /// Pixels that are off by more than a level.
+    off: usize,
 }
 
 impl Difference {
     /// Adds a pixel: by how many levels each channel is off.
     fn add(&mut self, channels: impl Iterator<Item = f32>) {
         self.compared += 1;
+        let mut worst = 0.0f32;
         for d in channels {
-            self.max = self.max.max(d);
+            worst = worst.max(d);
             self.sum += f64::from(d);
         }
+        self.max = self.max.max(worst);
+        self.off += usize::from(worst > 1.0);
     }
 
     fn mean(&self) -> f64 {
@@ -261,13 +266,14 @@ fn compare_on(gpu: &str, raw: &str, within: u32) {
                 pictures.entry((origin == Origin::Raw, camera)).or_insert_with(|| reference.picture(&package, origin, camera, within));
             let shown = compare_pictures(expected, &page);
             let line = format!(
-                "{gpu} {raw} {scheme} {filter} camera {camera}: look-ups: {} pixels, largest difference {:.3}, mean {:.4}; picture: largest {:.3}, mean {:.4}, \
-                 {} of {} pixels at edges\n",
+                "{gpu} {raw} {scheme} {filter} camera {camera}: look-ups: {} pixels, largest difference {:.3}, mean {:.4}; \
+                 picture: largest {:.3}, mean {:.4}, {} off by more than one, {} of {} pixels at edges\n",
                 found.compared,
                 found.max,
                 found.mean(),
                 shown.max,
                 shown.mean(),
+                shown.off,
                 shown.edges,
                 shown.edges + shown.compared
             );
@@ -275,7 +281,9 @@ fn compare_on(gpu: &str, raw: &str, within: u32) {
             report += &line;
             bad |= found.max > allowed || found.compared < (SIZE.0 * SIZE.1 / 8) as usize;
             // Of all pixels few are edges: more where any of several rays makes one.
-            bad |= shown.max > allowed || shown.edges * 100 > (shown.edges + shown.compared) * within as usize;
+            // Where a pixel holds many texels, several rays do not find all that it may show.
+            bad |= if within == 1 { shown.max > allowed } else { shown.off * 1_000 > shown.compared };
+            bad |= shown.edges * 100 > (shown.edges + shown.compared) * within as usize;
         }
     }
     assert_eq!(report.lines().count(), 5 * CAMERAS.len(), "{report}");
