@@ -19,13 +19,13 @@ tools:
 	@command -v cargo >/dev/null || { echo "Kiln needs Rust 1.95 or newer: install it from https://rustup.rs, then run this again." >&2; exit 1; }
 	@if ! command -v cc >/dev/null || ! command -v curl >/dev/null; then $(APT) build-essential curl; \
 	  else echo "Kiln needs a C compiler (for SQLite and zstd) and curl (for its tests): on Debian, 'sudo apt-get install build-essential curl', then run this again." >&2; exit 1; fi; fi
-	@node -e 'const [a, b] = process.versions.node.split(".").map(Number); process.exit(a > 20 || (a === 20 && b >= 19) ? 0 : 1)' 2>/dev/null && command -v npm >/dev/null \
-	  || { echo "Kiln's page is built with Node.js 20.19 or newer and npm: install them from https://nodejs.org, then run this again ('cargo build --no-default-features' builds Kiln without the page)." >&2; exit 1; }
+	@[ -n "$${KILN_WEB_DIST:-}" ] || { node -e 'const [a, b] = process.versions.node.split(".").map(Number); process.exit(a > 20 || (a === 20 && b >= 19) ? 0 : 1)' 2>/dev/null && command -v npm >/dev/null; } \
+	  || { echo "Kiln's page is built with Node.js 20.19 or newer and npm: install them from https://nodejs.org, then run this again, or set KILN_WEB_DIST to the folder of a page that was built elsewhere." >&2; exit 1; }
 
 # What only the tests need: a browser, a software GPU beside the browser's own, and the reference compiler of shaders.
 test-tools: tools
 	@if ! { [ -n "$${CHROMIUM:-}" ] || command -v chromium >/dev/null || command -v google-chrome >/dev/null; } || ! command -v glslangValidator >/dev/null \
-	  || ! ldconfig -p | grep -q libEGL.so.1 || ! ls /usr/lib/*/dri/swrast_dri.so >/dev/null 2>&1; then $(APT) chromium glslang-tools libgl1-mesa-dri libegl1; \
+	  || ! PATH=$$PATH:/sbin:/usr/sbin ldconfig -p | grep -q libEGL.so.1 || ! ls /usr/lib/*/dri/swrast_dri.so >/dev/null 2>&1; then $(APT) chromium glslang-tools libgl1-mesa-dri libegl1; \
 	  else echo "Kiln's browser tests need Chromium, glslangValidator and Mesa's software GPU: on Debian, 'sudo apt-get install chromium glslang-tools libgl1-mesa-dri libegl1', then run this again." >&2; exit 1; fi; fi
 
 # npm writes this file last: it is newer than the lock file when the packages are those of the lock file.

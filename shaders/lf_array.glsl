@@ -1,13 +1,12 @@
 // Schemes `raw` and `expanded`: every sample in an array texture, one direction a cell, cells side by side in layers. They differ in where
 // the samples come from (.mtex, or the decoded segments), not in how they are read, so that they share this file. The texture is sRGB for
-// 8-bit samples and half-float for linear ones: either way the sampler gives linear values, which is the domain that samples are
-// interpolated in. Alpha is 1 where a texel holds light; what holds none has colour 0, so that filtered colour is already weighted.
+// 8-bit samples and half-float for linear ones, times 2^stops already: either way the sampler gives linear values in units of 2^-stops, which
+// is the domain that samples are interpolated in. Alpha is 1 where a texel holds light; what holds none has colour 0, so that filtered colour is already weighted.
 //
 // LF_HW_FILTER: the sampler interpolates between texels (4 fetches), else the shader does (16).
 
 uniform highp sampler2DArray lfSamples;
 uniform ivec2 lfCells;  // cells along x and y of a layer
-uniform float lfScale;  // to units of 2^-stops: 1 for coded samples, 2^stops for linear ones
 
 ivec3 lfCellOf( int depth ) {
 	int cells = lfCells.x * lfCells.y;
@@ -44,5 +43,5 @@ vec3 lfRadiance( vec2 uv, vec3 w ) {
 	lfFootprint( uv, lo, hi, f );
 	for ( int k = 0; k < 4; k ++ ) sum += weight[ k ] * lfTexels( lfCellOf( depth[ k ] ), lo, hi, f );
 #endif
-	return lfResolve( sum ) * lfScale;
+	return lfResolve( sum );
 }

@@ -113,7 +113,10 @@ async function budget(page) {
   await viewer(page, "(v) => { v.mode = 'error'; }");
   await page.locator('kiln-viewer').getByText('set memory-budget to').waitFor();
   check((await viewer(page, '(v) => v.mode')) === 'light-field', 'the mode stays at errors that cannot be drawn');
-  await viewer(page, '(v) => { v.memoryBudget = 512; }');
+  await viewer(page, "(v) => { v.memoryBudget = 512; v.mode = 'error'; }");
+  await settled(page);
+  check(await page.locator('kiln-viewer').getByText('set memory-budget to').isHidden(), 'the message stays when errors are drawn');
+  await viewer(page, "(v) => { v.mode = 'light-field'; }");
 }
 
 async function lostContext(page, src) {
@@ -131,6 +134,53 @@ async function lostContext(page, src) {
     await page.waitForTimeout(100);
   }
   check(await page.locator('kiln-viewer').getByText('The GPU was taken away').isHidden(), 'the message stays when the picture is back');
+}
+
+/** A second viewer with its camera in attributes, a poster of its page's, and nobody who may move it. */
+async function attributes(page, src) {
+  const found = await page.evaluate(async (src) => {
+    const viewer = document.createElement('kiln-viewer');
+    const poster = document.createElement('p');
+    poster.slot = 'poster';
+    poster.textContent = 'Please wait';
+    viewer.append(poster);
+    for (const [name, value] of Object.entries({ 'camera-orbit': '45deg 75deg 4m', 'camera-target': '5m 1m 5m', 'field-of-view': '30deg', alt: 'A room' })) {
+      viewer.setAttribute(name, value);
+    }
+    Object.assign(viewer.style, { position: 'fixed', inset: '0', width: '400px', height: '300px' });
+    const loaded = new Promise((resolve) => viewer.addEventListener('load', resolve, { once: true }));
+    viewer.src = src;
+    document.body.append(viewer);
+    const before = poster.checkVisibility();
+    await loaded;
+    const canvas = viewer.shadowRoot.querySelector('canvas');
+    const out = {
+      orbit: viewer.getCameraOrbit(), target: viewer.getCameraTarget(), fov: viewer.getFieldOfView(), poster: [before, poster.checkVisibility()],
+      label: canvas.getAttribute('aria-label'), role: canvas.getAttribute('role'), stop: canvas.tabIndex,
+    };
+    // Resized, it stays where it was aimed.
+    viewer.style.height = '200px';
+    await new Promise((resolve) => requestAnimationFrame(() => requestAnimationFrame(resolve)));
+    out.after = viewer.getCameraOrbit();
+    viewer.remove();
+    return out;
+  }, src);
+  for (const { theta, phi, radius } of [found.orbit, found.after]) {
+    check(Math.abs(theta - 45) < 1e-3 && Math.abs(phi - 75) < 1e-3 && Math.abs(radius - 4) < 1e-3, `the orbit is another: ${JSON.stringify(found)}`);
+  }
+  check(String(found.target) === '5,1,5' && found.fov === 30, `target or field of view are others: ${JSON.stringify(found)}`);
+  check(found.poster[0] && !found.poster[1], 'a slotted poster does not come, or does not go');
+  check(found.label === 'A room' && found.role === 'img' && found.stop === -1, `a still view promises more than it does: ${JSON.stringify(found)}`);
+}
+
+/** Where the worker's script cannot be had, blocks are decoded in place. */
+async function withoutWorkers(url, gpu) {
+  const { browser, page } = await open(gpu);
+  await page.route(/expand\.worker/, (route) => route.fulfill({ status: 404, body: '' }));
+  await page.goto(url);
+  await page.waitForFunction(() => document.querySelector('kiln-viewer').loaded);
+  check((await look(page)).mean > 10, 'without workers nothing is drawn');
+  await browser.close();
 }
 
 /** A driver that does not compile a shader: what it says is shown, not swallowed. */
@@ -157,7 +207,10 @@ await script(async ([url, gpu]) => {
   await keyboard(page);
   await budget(page);
   check(faults.length === 0, faults.join('\n'));
+  await attributes(page, src);
+  check(faults.length === 0, faults.join('\n'));
   await lostContext(page, src);
   await browser.close();
+  await withoutWorkers(url, gpu);
   await brokenShader(url, gpu);
 });

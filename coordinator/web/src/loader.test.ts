@@ -32,6 +32,12 @@ describe('a package', () => {
     expect(new Set(field.surfaces.map((s) => s.walk)).size).toBe(2);
   });
 
+  it('leaves the bytes of its files as they are', () => {
+    const [files, before] = [goldenFiles(), goldenFiles()];
+    new LightFieldLoader().parse(manifest, files);
+    expect(files).toEqual(before);
+  });
+
   it('has the surfaces of its plan, and gutters that hold light', () => {
     const field = goldenRoom();
     const floor = field.surfaces.find((s) => s.name === 'floor')!;
@@ -65,6 +71,14 @@ describe('a damaged package', () => {
       for (const keep of [0, 10, 33]) {
         expect(parse((files) => files.set(path, files.get(path)!.slice(0, keep))), `${path} cut to ${keep}`).toThrow(path.split('.')[0]);
       }
+    }
+  });
+
+  it('that leads out of its folder is refused', () => {
+    for (const stem of ['../../secret', '/etc/x', '..', 'a\\b', '']) {
+      const evil = JSON.parse(manifest) as { surfaces: { file_stem: string }[] };
+      evil.surfaces[0].file_stem = stem;
+      expect(() => new LightFieldLoader().parse(JSON.stringify(evil), goldenFiles()), stem).toThrow(/no file name|do not belong together/);
     }
   });
 

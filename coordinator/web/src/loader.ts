@@ -20,7 +20,7 @@ const CODED = ['mtsp', 'mti', 'mtnc', 'mtm'] as const;
 export type PackageFiles = Map<string, Uint8Array>;
 
 export class LightFieldLoader extends Loader<LightField, string> {
-  private readonly controller = new AbortController();
+  private readonly loading = new Set<AbortController>();
 
   constructor(manager?: LoadingManager) {
     super(manager);
@@ -29,20 +29,27 @@ export class LightFieldLoader extends Loader<LightField, string> {
   /** Loads the package of a manifest's URL. Progress events carry `loaded` and `total` bytes. */
   override load(url: string, onLoad: (field: LightField) => void, onProgress?: (event: ProgressEvent) => void, onError?: (error: unknown) => void): void {
     const absolute = new URL(url, new URL(this.path || '.', document.baseURI)).href;
+    const controller = new AbortController();
+    this.loading.add(controller);
     this.manager.itemStart(absolute);
-    this.fetchPackage(absolute, onProgress)
+    this.fetchPackage(absolute, controller.signal, onProgress)
       .then(onLoad)
       .catch((error: unknown) => {
+        // One file that cannot be had stops the others.
+        controller.abort();
         this.manager.itemError(absolute);
         if (onError) onError(error);
         else console.error(error);
       })
-      .finally(() => this.manager.itemEnd(absolute));
+      .finally(() => {
+        this.loading.delete(controller);
+        this.manager.itemEnd(absolute);
+      });
   }
 
-  /** Stops what is being fetched; `load` then ends with an AbortError. */
+  /** Stops what is being fetched; each `load` then ends with an AbortError. */
   override abort(): this {
-    this.controller.abort();
+    this.loading.forEach((controller) => controller.abort());
     return this;
   }
 
@@ -65,36 +72,40 @@ export class LightFieldLoader extends Loader<LightField, string> {
     const coded = (index: number) => {
       const { file_stem: stem, grid, walk } = manifest.surfaces[index];
       const { width, height } = container.plan.surfaces[index];
-      const bytes = Object.fromEntries(CODED.map((kind) => [kind, file(`surfaces/${stem}.${kind}`)])) as unknown as CodedFiles;
+      const bytes = Object.fromEntries(CODED.map((kind) => [kind, file(surfacePath(stem, kind))])) as unknown as CodedFiles;
       return openCoded(bytes, stem, { width, height, grid: parseGrid(grid), walk });
     };
     return makeField(container, manifest, (index, grid) => new PackageSource(coded(index), directionCount(grid)), loadRaw);
   }
 
-  private async fetchPackage(url: string, onProgress?: (event: ProgressEvent) => void): Promise<LightField> {
-    const text = new TextDecoder().decode(await this.fetchBytes(url, () => {}));
+  private async fetchPackage(url: string, signal: AbortSignal, onProgress?: (event: ProgressEvent) => void): Promise<LightField> {
+    const text = new TextDecoder().decode(await this.fetchBytes(url, signal));
     const manifest = parseManifest(text);
-    const wanted = manifest.files.filter(({ path }) => path === 'scene.kiln' || CODED.some((kind) => path.endsWith(`.${kind}`)));
+    const names = new Set(['scene.kiln', ...manifest.surfaces.flatMap(({ file_stem: stem }) => CODED.map((kind) => surfacePath(stem, kind)))]);
+    const wanted = manifest.files.filter(({ path }) => names.has(path));
     const total = wanted.reduce((sum, { bytes }) => sum + bytes, 0);
     let loaded = 0;
     const count = (bytes: number) => {
       loaded += bytes;
-      onProgress?.(new ProgressEvent('progress', { lengthComputable: true, loaded: Math.min(loaded, total), total }));
+      if (!signal.aborted) onProgress?.(new ProgressEvent('progress', { lengthComputable: true, loaded: Math.min(loaded, total), total }));
     };
     const files: PackageFiles = new Map();
     const queue = [...wanted].sort((a, b) => b.bytes - a.bytes);
     const hand = async () => {
       for (let next = queue.shift(); next; next = queue.shift()) {
-        files.set(next.path, await this.fetchBytes(assetUrl(url, next.path), count, next.bytes));
+        signal.throwIfAborted();
+        files.set(next.path, await this.fetchBytes(assetUrl(url, next.path), signal, next.bytes));
+        count(next.bytes);
       }
     };
     await Promise.all(Array.from({ length: AT_ONCE }, hand));
-    return this.parse(text, files, rawLoader(manifest, (path) => this.fetchBytes(assetUrl(url, path), () => {})));
+    return this.parse(text, files, rawLoader(manifest, (path) => this.fetchBytes(assetUrl(url, path))));
   }
 
-  private async fetchBytes(url: string, count: (bytes: number) => void, expected?: number): Promise<Uint8Array> {
+  private async fetchBytes(address: string, signal?: AbortSignal, expected?: number): Promise<Uint8Array> {
+    const url = this.manager.resolveURL(address);
     const credentials = this.withCredentials ? 'include' : 'same-origin';
-    const response = await fetch(url, { headers: this.requestHeader, credentials, signal: this.controller.signal }).catch((error: unknown) => {
+    const response = await fetch(url, { headers: this.requestHeader, credentials, signal }).catch((error: unknown) => {
       if ((error as Error).name === 'AbortError') throw error;
       throw new Error(`${url} cannot be reached: ${(error as Error).message}`);
     });
@@ -103,16 +114,21 @@ export class LightFieldLoader extends Loader<LightField, string> {
     if (expected !== undefined && bytes.length !== expected) {
       throw new FormatError(`${url} has ${bytes.length} bytes; the manifest says ${expected}`);
     }
-    count(bytes.length);
     return bytes;
   }
+}
+
+/** Where a surface's file lies. Stems are file names: a manifest from elsewhere leads nowhere but into its own folder. */
+function surfacePath(stem: string, kind: string): string {
+  if (/[/\\\0]|^\.{0,2}$/.test(stem)) throw new FormatError(`the manifest names the files of a surface ${JSON.stringify(stem)}, which is no file name`);
+  return `surfaces/${stem}.${kind}`;
 }
 
 /** Paths of a package are relative to its manifest; each part may hold any character. */
 const assetUrl = (manifest: string, path: string): string => new URL(path.split('/').map(encodeURIComponent).join('/'), manifest).href;
 
 function rawLoader(manifest: Manifest, fetchFile: (path: string) => Promise<Uint8Array>): LightField['loadRaw'] {
-  const paths = manifest.surfaces.map((s) => `surfaces/${s.file_stem}.mtex`);
+  const paths = manifest.surfaces.map((s) => surfacePath(s.file_stem, 'mtex'));
   const kept = new Set(manifest.files.map((f) => f.path));
   return paths.every((path) => kept.has(path)) ? (surface) => fetchFile(paths[surface]) : null;
 }

@@ -14,15 +14,21 @@ export type Costs = Record<Scheme, number | null>;
 
 const RANK: Scheme[] = ['mean', 'streamed', 'expanded'];
 
-/** The scheme of each surface. `wanted` forces one for all, as far as a surface allows it, whatever the budget. */
-export function fitBudget(costs: Costs[], budget: number, wanted: 'auto' | Scheme): Scheme[] {
-  if (wanted !== 'auto') return costs.map((cost) => (cost[wanted] === null ? 'mean' : wanted));
-  const chosen: Scheme[] = costs.map(() => 'mean');
-  let used = costs.reduce((sum, cost) => sum + (cost.mean ?? 0), 0);
+/** The scheme of each surface, null where none is possible. `wanted` forces one whatever the budget; a surface that cannot have it gets what it would have
+ * had by itself. */
+export function fitBudget(costs: Costs[], budget: number, wanted: 'auto' | Scheme): (Scheme | null)[] {
+  if (wanted !== 'auto') {
+    const auto = fitBudget(costs, budget, 'auto');
+    return costs.map((cost, i) => (cost[wanted] === null ? auto[i] : wanted));
+  }
+  // A surface too large for a mean is streamed from the start.
+  const chosen = costs.map((cost) => RANK.find((scheme) => cost[scheme] !== null) ?? null);
+  const cost = (i: number): number => (chosen[i] && costs[i][chosen[i]]) ?? 0;
+  let used = costs.reduce((sum, _, i) => sum + cost(i), 0);
   for (const scheme of RANK.slice(1)) {
     const steps = costs
-      .map((cost, i) => ({ i, to: cost[scheme], from: cost[chosen[i]] ?? 0 }))
-      .filter((step): step is { i: number; to: number; from: number } => step.to !== null)
+      .map((own, i) => ({ i, to: own[scheme], from: cost(i) }))
+      .filter((step): step is { i: number; to: number; from: number } => step.to !== null && chosen[step.i] !== scheme)
       .sort((a, b) => a.to - a.from - (b.to - b.from) || a.i - b.i);
     for (const { i, to, from } of steps) {
       if (used + to - from <= budget) {

@@ -14,6 +14,14 @@ import type { Walk } from '../format/container.ts';
 /** Blocks handed to a worker before the first comes back: enough to keep it busy, few enough to bound memory. */
 const AHEAD = 2;
 
+/** A block on its way. */
+interface Pending {
+  request: ExpandRequest;
+  hand: Hand;
+  resolve: (block: ExpandedBlock) => void;
+  reject: (error: Error) => void;
+}
+
 interface Hand {
   worker: Worker;
   busy: number;
@@ -22,7 +30,7 @@ interface Hand {
 export class ExpandPool {
   private hands: Hand[] = [];
   private waiting: (() => void)[] = [];
-  private pending = new Map<number, { resolve: (block: ExpandedBlock) => void; reject: (error: Error) => void; hand: Hand }>();
+  private pending = new Map<number, Pending>();
   private nextId = 0;
   private disposed = false;
 
@@ -30,7 +38,7 @@ export class ExpandPool {
     try {
       for (let i = 0; i < size; i++) this.hands.push(this.hire());
     } catch {
-      this.hands = [];
+      this.hands.splice(0).forEach((hand) => hand.worker.terminate());
     }
   }
 
@@ -68,25 +76,30 @@ export class ExpandPool {
       this.pending.delete(data.id);
       this.wake();
     };
-    worker.onerror = (event) => this.lose(hand, event.message);
+    worker.onerror = () => this.lose(hand);
     return hand;
   }
 
   private send(hand: Hand, request: ExpandRequest): Promise<ExpandedBlock> {
     hand.busy++;
     return new Promise((resolve, reject) => {
-      this.pending.set(request.id, { resolve, reject, hand });
+      this.pending.set(request.id, { request, hand, resolve, reject });
       hand.worker.postMessage(request);
     });
   }
 
-  /** A worker that fails takes its blocks with it; the others go on. */
-  private lose(hand: Hand, why: string): void {
+  /** A worker that cannot be started, or fails, is let go; its blocks are decoded in place, where a fault of theirs shows. */
+  private lose(hand: Hand): void {
+    hand.worker.terminate();
     this.hands = this.hands.filter((other) => other !== hand);
-    for (const [id, entry] of this.pending) {
-      if (entry.hand !== hand) continue;
-      entry.reject(new Error(`decoding failed: ${why || 'a worker could not be started'}`));
+    for (const [id, { request, hand: whose, resolve, reject }] of this.pending) {
+      if (whose !== hand) continue;
       this.pending.delete(id);
+      try {
+        resolve(expandBlock(request.block, request.depthOf, request.weights, request.layered));
+      } catch (error) {
+        reject(error as Error);
+      }
     }
     this.wake();
   }

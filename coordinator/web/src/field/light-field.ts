@@ -4,9 +4,10 @@
  */
 
 import type { CodedSurface, KeptSamples } from '../format/coded.ts';
-import type { Container, SurfacePlan, Walk } from '../format/container.ts';
+import type { Container, SurfacePlan, Vec3, Walk } from '../format/container.ts';
 import type { Manifest } from '../format/manifest.ts';
 import { TILE_SIDE, type TileSegment } from '../format/segment.ts';
+import { sceneBounds } from './camera.ts';
 import { type Block, sliceKept } from './decode.ts';
 import { type SurfaceGeometry, sceneGeometry } from './geometry.ts';
 import { type Grid, directionCount, parseGrid } from './grid.ts';
@@ -44,17 +45,30 @@ export class PackageSource implements SampleSource {
   }
 }
 
-/** The tiles of a surface that have arrived so far. */
+/** Bytes of kept samples that live fields keep in memory, all surfaces together. */
+export const LIVE_BYTES = 256 << 20;
+
+/**
+ * The tiles of a surface that have arrived so far. They are kept for picks and lost contexts while there is room; beyond it they are drawn and
+ * forgotten: a job may be larger than the memory of a tab, and its package comes in the end.
+ */
 export class TileSource implements SampleSource {
   private readonly tiles = new Map<string, TileSegment>();
   private readonly plan: SurfacePlan;
+  private readonly room: { bytes: number };
 
-  constructor(plan: SurfacePlan) {
+  /** `room` is shared by the surfaces of a field. */
+  constructor(plan: SurfacePlan, room: { bytes: number }) {
     this.plan = plan;
+    this.room = room;
   }
 
   add(tile: TileSegment): Block {
-    this.tiles.set(`${tile.cellX},${tile.cellY}`, tile);
+    const bytes = tile.kept.steps.byteLength + tile.kept.rgb.byteLength;
+    if (bytes <= this.room.bytes) {
+      this.room.bytes -= bytes;
+      this.tiles.set(`${tile.cellX},${tile.cellY}`, tile);
+    }
     return this.block(tile);
   }
 
@@ -99,6 +113,8 @@ export interface LightField {
   /** Stops; 0 while they are not known. */
   exposureStops: number;
   surfaces: FieldSurface[];
+  /** The box around everything, metres. */
+  bounds: { low: Vec3; high: Vec3 };
   /** Raw samples of a surface as the bytes of its .mtex, for whoever asks; null where the package kept none. */
   loadRaw: ((surface: number) => Promise<Uint8Array>) | null;
 }
@@ -128,12 +144,15 @@ export function makeField(
       firstTile: first,
     };
   });
-  return { container, manifest, grid, exposureStops: container.plan.results?.exposureStops ?? 0, surfaces, loadRaw };
+  const exposureStops = container.plan.results?.exposureStops ?? 0;
+  return { container, manifest, grid, exposureStops, surfaces, bounds: sceneBounds(container), loadRaw };
 }
 
 /** A job that is being baked: no tile has arrived yet. */
-export const makeLiveField = (container: Container): LightField =>
-  makeField(container, null, (surface) => new TileSource(container.plan.surfaces[surface]), null);
+export function makeLiveField(container: Container, bytes = LIVE_BYTES): LightField {
+  const room = { bytes };
+  return makeField(container, null, (surface) => new TileSource(container.plan.surfaces[surface], room), null);
+}
 
 /** D of a field. */
 export const fieldDirections = (field: LightField): number => directionCount(field.grid);

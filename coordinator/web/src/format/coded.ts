@@ -78,13 +78,14 @@ function checkStarts(starts: Uint32Array, texels: number, samples: number, direc
   }
 }
 
-/** In place: depths to steps. */
+/** Depths to steps: a copy, since the bytes are the caller's. */
 function toSteps(depths: Uint16Array, stepOf: Uint16Array, bad: (what: string) => Error): Uint16Array {
+  const steps = new Uint16Array(depths.length);
   for (let i = 0; i < depths.length; i++) {
     if (depths[i] >= stepOf.length) throw bad(`a sample has depth ${depths[i]}; there are ${stepOf.length} directions`);
-    depths[i] = stepOf[depths[i]];
+    steps[i] = stepOf[depths[i]];
   }
-  return depths;
+  return steps;
 }
 
 const LITTLE = new Uint8Array(new Uint16Array([1]).buffer)[0] === 1;

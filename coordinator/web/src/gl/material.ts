@@ -66,11 +66,11 @@ function material(scheme: Scheme, uniforms: Record<string, IUniform>, defines: R
 
 const filterDefines = (hardware: boolean): Record<string, number> => (hardware ? { LF_HW_FILTER: 1 } : {});
 
-/** Schemes `raw` and `expanded`; `scale` takes samples to units of 2^-stops. */
+/** Schemes `raw` and `expanded`. */
 export function arrayMaterial(
-  scheme: 'raw' | 'expanded', base: Record<string, IUniform>, texture: DataArrayTexture, layout: ArrayLayout, scale: number, hardware: boolean,
+  scheme: 'raw' | 'expanded', base: Record<string, IUniform>, texture: DataArrayTexture, layout: ArrayLayout, hardware: boolean,
 ): RawShaderMaterial {
-  const own = { lfSamples: { value: texture }, lfCells: { value: new Vector2(layout.cellsX, layout.cellsY) }, lfScale: { value: scale } };
+  const own = { lfSamples: { value: texture }, lfCells: { value: new Vector2(layout.cellsX, layout.cellsY) } };
   return material(scheme, { ...base, ...own }, filterDefines(hardware));
 }
 

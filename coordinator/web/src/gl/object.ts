@@ -8,14 +8,13 @@
 import { Group, type WebGLRenderer } from 'three';
 import { ExpandPool } from '../field/expand-pool.ts';
 import { fitBudget } from '../field/budget.ts';
-import { sceneBounds } from '../field/camera.ts';
 import type { GpuLimits } from '../field/layout.ts';
 import { type LightField, TileSource } from '../field/light-field.ts';
 import { length, sub } from '../field/frame.ts';
 import { type TileSegment } from '../format/segment.ts';
 import type { Scheme } from '../viewer/api.ts';
 import { setLamps } from './lamps.ts';
-import { type SharedUniforms, sharedUniforms } from './material.ts';
+import { type SharedUniforms, depthMaterial, sharedUniforms } from './material.ts';
 import { type Look, SurfaceView } from './surface.ts';
 
 export interface PrepareOptions {
@@ -32,6 +31,8 @@ export class LightFieldObject extends Group {
   readonly surfaces: SurfaceView[];
   private readonly pool = new ExpandPool();
   private readonly renderer: WebGLRenderer;
+  private readonly depthOnly = depthMaterial();
+  private layouts = 0;
 
   /** `renderer` is the one that draws it: textures belong to its context. */
   constructor(field: LightField, renderer: WebGLRenderer) {
@@ -39,25 +40,30 @@ export class LightFieldObject extends Group {
     this.field = field;
     this.renderer = renderer;
     const limits = gpuLimits(renderer);
-    const { low, high } = sceneBounds(field.container);
+    const { low, high } = field.bounds;
     const guess = setLamps(this.uniforms, field.container, length(sub(high, low)) / 2);
     this.uniforms.lfDraftExposure.value = field.container.plan.results ? 2 ** field.exposureStops : guess;
-    this.surfaces = field.surfaces.map((surface) => new SurfaceView(field, surface, this.uniforms, limits));
+    this.surfaces = field.surfaces.map((surface) => new SurfaceView(field, surface, this.uniforms, this.depthOnly, limits));
     this.add(...this.surfaces.map((view) => view.group));
   }
 
   /** Bytes that {@link prepare} would take. */
   plannedBytes({ scheme, budget }: Pick<PrepareOptions, 'scheme' | 'budget'>): number {
     const costs = this.surfaces.map((view) => view.costs());
-    return fitBudget(costs, budget, scheme).reduce((sum, chosen, i) => sum + (costs[i][chosen] ?? 0), 0);
+    return fitBudget(costs, budget, scheme).reduce((sum, chosen, i) => sum + ((chosen && costs[i][chosen]) ?? 0), 0);
   }
 
   /** Lays out and fills the textures. Resolves when all is on the GPU; what is not there yet is drawn as a draft. */
   async prepare({ scheme, budget, changed }: PrepareOptions): Promise<void> {
     const schemes = fitBudget(this.surfaces.map((view) => view.costs()), budget, scheme);
+    const layout = ++this.layouts;
     this.surfaces.forEach((view, i) => view.begin(this.renderer, schemes[i]));
     changed();
-    for (const view of this.surfaces) await view.fill(this.renderer, this.pool, changed);
+    for (const view of this.surfaces) {
+      // Laid out anew meanwhile: whoever did so fills it.
+      if (layout !== this.layouts) return;
+      await view.fill(this.renderer, this.pool, changed);
+    }
   }
 
   /** Adds tiles of a job that is being baked. */
@@ -110,6 +116,7 @@ export class LightFieldObject extends Group {
   override dispose(): void {
     this.pool.dispose();
     this.surfaces.forEach((view) => view.dispose());
+    this.depthOnly.dispose();
     super.dispose();
   }
 }

@@ -11,8 +11,9 @@ const ONE = DataUtils.toHalfFloat(1);
 /** The largest half-float. */
 const MOST = 65504;
 
-/** The samples of a surface in bands of at most `bytes`. */
-export function* rawLayers(file: Uint8Array, surface: FieldSurface, directions: number, bytes: number): Iterable<Layers> {
+/** The samples of a surface in bands of at most `bytes`. Linear ones are multiplied by `factor`, 2^stops, before they become half floats: dim and bright
+ * scenes keep their precision where it shows. */
+export function* rawLayers(file: Uint8Array, surface: FieldSurface, directions: number, factor: number, bytes: number): Iterable<Layers> {
   const { width, height } = surface.plan;
   const name = `surfaces/${surface.fileStem}.mtex`;
   const { header, payload } = openFile(file, 'mtex', name);
@@ -20,12 +21,12 @@ export function* rawLayers(file: Uint8Array, surface: FieldSurface, directions: 
     throw new FormatError(`${name}: it has another texture size or depth than the manifest says`);
   }
   const rows = Math.max(1, Math.floor(bytes / (width * directions * 4)));
-  const samples = header.bits === 8 ? payload : floats(payload);
   for (let y = 0; y < height; y += rows) {
     const band = Math.min(rows, height - y);
     const lit = Uint8Array.from({ length: width * band }, (_, t) => (surface.source.texel(t % width, y + Math.floor(t / width)) ? 1 : 0));
-    const part = samples.subarray(y * width * directions * 3, (y + band) * width * directions * 3);
-    yield { x: 0, y, width, height: band, data: part instanceof Float32Array ? halves(part, lit, directions) : bytesOf(part, lit, directions) };
+    const [from, to] = [y, y + band].map((row) => row * width * directions * 3 * (header.bits / 8));
+    const part = payload.subarray(from, to);
+    yield { x: 0, y, width, height: band, data: header.bits === 8 ? bytesOf(part, lit, directions) : halves(floats(part), lit, directions, factor) };
   }
 }
 
@@ -47,10 +48,10 @@ function bytesOf(part: Uint8Array, lit: Uint8Array, directions: number): Uint8Ar
 }
 
 /** The same in half floats; what is too bright for them is cut. */
-function halves(part: Float32Array, lit: Uint8Array, directions: number): Uint16Array {
+export function halves(part: Float32Array, lit: Uint8Array, directions: number, factor: number): Uint16Array {
   const texels = lit.length;
   const out = new Uint16Array(texels * directions * 4);
-  const half = (v: number) => DataUtils.toHalfFloat(v > MOST ? MOST : v);
+  const half = (v: number) => DataUtils.toHalfFloat(Math.min(MOST, v * factor));
   for (let t = 0, from = 0; t < texels; t++) {
     for (let depth = 0; depth < directions; depth++, from += 3) {
       if (!lit[t]) continue;

@@ -13,7 +13,7 @@ import { type ArrayLayout, type GpuLimits, arrayBytes, arrayLayout } from '../fi
 import type { Block } from '../field/decode.ts';
 import type { Costs } from '../field/budget.ts';
 import type { Scheme } from '../viewer/api.ts';
-import { type SharedUniforms, type SurfaceUniforms, arrayMaterial, depthMaterial, meanMaterial, streamedMaterial } from './material.ts';
+import { type SharedUniforms, type SurfaceUniforms, arrayMaterial, meanMaterial, streamedMaterial } from './material.ts';
 import { rawLayers } from './raw.ts';
 import { type Held, meanTexture, sampleTexture, streamBytes, streamTextures, writeLayers, writeMean } from './textures.ts';
 
@@ -42,6 +42,8 @@ export class SurfaceView {
   private readonly looks: Partial<Record<Look, Drawable>> = {};
   private samples: { held: Held<DataArrayTexture>; layout: ArrayLayout } | null = null;
   private mean: Held<DataTexture> | null = null;
+  /** No light anywhere. */
+  private readonly nothing = meanTexture(1, 1).texture;
   /** Before anything is laid out: the draft alone. */
   private readonly empty: RawShaderMaterial;
   /** By look and filter; made when first drawn. */
@@ -53,7 +55,8 @@ export class SurfaceView {
   private look: Look = 'shown';
   private hardware = true;
 
-  constructor(field: LightField, surface: FieldSurface, shared: SharedUniforms, limits: GpuLimits) {
+  /** `depthOnly` is the material of the pre-pass, one for all surfaces. */
+  constructor(field: LightField, surface: FieldSurface, shared: SharedUniforms, depthOnly: RawShaderMaterial, limits: GpuLimits) {
     this.field = field;
     this.surface = surface;
     this.limits = limits;
@@ -67,9 +70,9 @@ export class SurfaceView {
     };
     this.base = { ...shared, ...own };
     const geometry = bufferGeometry(surface);
-    const depth = new Mesh(geometry, depthMaterial());
+    const depth = new Mesh(geometry, depthOnly);
     depth.renderOrder = FIRST;
-    this.empty = meanMaterial(this.base, meanTexture(1, 1).texture, false);
+    this.empty = meanMaterial(this.base, this.nothing, false);
     this.mesh = new Mesh(geometry, this.empty);
     this.mesh.renderOrder = FIRST + 1;
     this.mesh.userData.surface = surface.index;
@@ -102,9 +105,11 @@ export class SurfaceView {
     return [...all].reduce((sum, texture) => sum + ((texture.userData.bytes as number | undefined) ?? 0), 0);
   }
 
-  /** Lays out textures for a scheme, empty: what is not there yet is drawn as a draft. Streams are complete at once. */
-  begin(renderer: WebGLRenderer, scheme: Scheme): void {
+  /** Lays out textures for a scheme, empty: what is not there yet is drawn as a draft. Streams are complete at once. null: a surface that this GPU cannot
+   * hold in any way stays a draft. */
+  begin(renderer: WebGLRenderer, scheme: Scheme | null): void {
     this.drop();
+    if (scheme === null) return;
     if (scheme === 'streamed' && this.surface.source instanceof PackageSource) {
       const streams = streamTextures(renderer, this.surface.source.coded, this.limits);
       const textures = [streams.starts, streams.steps, streams.colours, ...(streams.map ? [streams.map] : [])];
@@ -112,7 +117,7 @@ export class SurfaceView {
       this.looks.shown = { scheme, bytes: streams.bytes, textures, material: () => streamedMaterial(this.base, streams) };
     } else if (scheme === 'expanded' || scheme === 'raw') {
       this.looks.shown = this.beginSamples(scheme);
-      if (scheme === 'expanded') this.beginMean();
+      if (scheme === 'expanded' && this.costs().mean !== null) this.beginMean();
     } else {
       this.looks.shown = { ...this.beginMean(), scheme: 'mean' };
     }
@@ -122,7 +127,7 @@ export class SurfaceView {
   /** Fills what {@link begin} laid out; `each` is called after every block, so that pictures grow. */
   async fill(renderer: WebGLRenderer, pool: ExpandPool, each: () => void): Promise<void> {
     if (this.scheme === 'raw') await this.fillRaw(renderer, each);
-    else if (this.scheme !== 'streamed') await this.fillBlocks(renderer, pool, this.surface.source.blocks(BLOCK_BYTES), each);
+    else if (this.scheme !== 'streamed' && this.scheme !== null) await this.fillBlocks(renderer, pool, this.surface.source.blocks(BLOCK_BYTES), each);
   }
 
   /** Decodes and writes blocks: of the whole surface, or of a tile that has just arrived. */
@@ -139,16 +144,20 @@ export class SurfaceView {
       each();
     };
     const work: Promise<void>[] = [];
-    for (const block of blocks) {
-      work.push(write(block));
-      if (work.length > pool.parallel) await work.shift();
+    try {
+      for (const block of blocks) {
+        work.push(write(block));
+        if (work.length > pool.parallel) await work.shift();
+      }
+    } finally {
+      // Also where one of them has failed: none is left without anybody who waits for it.
+      await Promise.all(work);
     }
-    await Promise.all(work);
   }
 
   /** Makes sure that the mean can be drawn. */
   async ensureMean(renderer: WebGLRenderer, pool: ExpandPool): Promise<void> {
-    if (this.looks.mean) return;
+    if (this.looks.mean || this.costs().mean === null) return;
     this.beginMean();
     const { mean, generation } = this;
     for (const block of this.surface.source.blocks(BLOCK_BYTES)) {
@@ -170,8 +179,7 @@ export class SurfaceView {
     // Known from the start, so that a layout that comes in between lets go of it.
     this.looks.raw = held.drawable;
     this.rawReady = false;
-    await this.writeRaw(renderer, held, () => {});
-    this.rawReady = true;
+    this.rawReady = await this.writeRaw(renderer, held, () => {});
   }
 
   /** Whether all of the raw radiance is there. */
@@ -204,6 +212,7 @@ export class SurfaceView {
   dispose(): void {
     this.drop();
     this.empty.dispose();
+    this.nothing.dispose();
     this.mesh.geometry.dispose();
   }
 
@@ -227,8 +236,7 @@ export class SurfaceView {
     const linear = scheme === 'raw' && this.field.container.plan.settings.raw === 'f32';
     const held = sampleTexture(layout, linear);
     held.texture.userData.bytes = held.bytes;
-    const scale = linear ? 2 ** this.field.exposureStops : 1;
-    const make = (hardware: boolean) => arrayMaterial(scheme, this.base, held.texture, layout, scale, hardware);
+    const make = (hardware: boolean) => arrayMaterial(scheme, this.base, held.texture, layout, hardware);
     return { held, layout, drawable: { scheme, bytes: held.bytes, textures: [held.texture], material: make } };
   }
 
@@ -252,18 +260,20 @@ export class SurfaceView {
     if (samples) await this.writeRaw(renderer, samples, each);
   }
 
-  private async writeRaw(renderer: WebGLRenderer, target: { held: Held<DataArrayTexture>; layout: ArrayLayout }, each: () => void): Promise<void> {
+  /** Whether it came to its end: not where the texture was let go of meanwhile. */
+  private async writeRaw(renderer: WebGLRenderer, target: { held: Held<DataArrayTexture>; layout: ArrayLayout }, each: () => void): Promise<boolean> {
     if (!this.field.loadRaw) throw new Error('the package kept no raw radiance; bake with --raw u8 or --raw f32');
     const { generation, rawGeneration } = this;
     const file = await this.field.loadRaw(this.surface.index);
     const directions = fieldDirections(this.field);
-    for (const layers of rawLayers(file, this.surface, directions, BLOCK_BYTES)) {
-      if (generation !== this.generation || rawGeneration !== this.rawGeneration) return;
+    for (const layers of rawLayers(file, this.surface, directions, 2 ** this.field.exposureStops, BLOCK_BYTES)) {
+      if (generation !== this.generation || rawGeneration !== this.rawGeneration) return false;
       writeLayers(renderer, target.held.texture, target.layout, this.surface.plan, directions, layers);
       each();
       // A breath between bands: the view must not freeze while hundreds of megabytes are sorted.
       await new Promise((resolve) => setTimeout(resolve));
     }
+    return generation === this.generation && rawGeneration === this.rawGeneration;
   }
 
   private drop(): void {

@@ -8,7 +8,7 @@
 import { LightFieldLoader } from '../loader.ts';
 import type { ErrorDetail, KilnViewerElement, OrbitPosition, Scheme, TexelSample, ViewMode, ViewerModel, ViewerStats } from './api.ts';
 import { modelOf } from './model.ts';
-import { parseAngle, parseOrbit, parseVector } from './parse.ts';
+import { parseOrbit, parseVector, fieldOfView } from './parse.ts';
 import { Stage } from './stage.ts';
 import { STYLE } from './style.ts';
 
@@ -38,6 +38,9 @@ export class KilnViewer extends HTMLElement implements KilnViewerElement {
   private readonly watcher = new IntersectionObserver((entries) => this.seen(entries.some((entry) => entry.isIntersecting)));
   private readonly calm = matchMedia('(prefers-reduced-motion: reduce)');
   private pressed: { x: number; y: number } | null = null;
+  private givingUp = false;
+  /** Counts what was asked to be shown: only the last is. */
+  private asked = 0;
 
   constructor() {
     super();
@@ -52,21 +55,20 @@ export class KilnViewer extends HTMLElement implements KilnViewerElement {
       return element;
     };
     this.canvas = make('canvas', 'canvas', shadow) as HTMLCanvasElement;
-    this.canvas.tabIndex = 0;
-    this.canvas.setAttribute('role', 'application');
-    const posterSlot = make('slot', '', shadow);
-    posterSlot.setAttribute('name', 'poster');
-    const poster = make('div', 'poster', posterSlot);
-    const barSlot = make('slot', '', shadow);
+    // What is slotted goes when the built-in part would.
+    const poster = make('div', 'poster', shadow);
+    make('slot', 'picture', poster).setAttribute('name', 'poster');
+    const bar = make('div', 'progress', shadow);
+    const barSlot = make('slot', '', bar);
     barSlot.setAttribute('name', 'progress-bar');
-    const bar = make('div', 'bar', barSlot);
+    const track = make('div', 'bar', barSlot);
     const message = make('div', 'message', shadow);
     message.setAttribute('role', 'alert');
     message.hidden = true;
     bar.hidden = true;
-    this.parts = { poster, bar, fill: make('div', '', bar), message };
-    this.label();
-    this.canvas.addEventListener('pointerdown', ({ offsetX, offsetY }) => (this.pressed = { x: offsetX, y: offsetY }));
+    this.parts = { poster, bar, fill: make('div', '', track), message };
+    this.allowControls();
+    this.canvas.addEventListener('pointerdown', ({ offsetX, offsetY, button }) => (this.pressed = button === 0 ? { x: offsetX, y: offsetY } : null));
     this.canvas.addEventListener('pointerup', ({ offsetX, offsetY }) => this.released(offsetX, offsetY));
     this.canvas.addEventListener('keydown', ({ key }) => {
       if (key === 'Enter') this.pickAt(this.clientWidth / 2, this.clientHeight / 2);
@@ -110,23 +112,17 @@ export class KilnViewer extends HTMLElement implements KilnViewerElement {
   attributeChangedCallback(name: string, before: string | null, value: string | null): void {
     const { stage } = this;
     if (name === 'alt') this.label();
-    if (name === 'poster') this.parts.poster.style.backgroundImage = value ? `url(${JSON.stringify(new URL(value, document.baseURI).href)})` : '';
+    if (name === 'poster') (this.parts.poster.firstElementChild as HTMLElement).style.backgroundImage = value ? `url(${JSON.stringify(new URL(value, document.baseURI).href)})` : '';
     if (!stage || before === value) return;
     const apply: Record<string, () => void> = {
       src: () => this.start(),
-      'camera-controls': () => (stage.controls.enabled = value !== null && value !== 'false'),
-      'camera-orbit': () => this.setOrbit(value),
-      'camera-target': () => this.setTarget(value),
-      'field-of-view': () => this.setFieldOfView(value),
+      'camera-controls': () => this.allowControls(),
+      'camera-orbit': () => stage.aim({ orbit: (value && parseOrbit(value)) || undefined }),
+      'camera-target': () => stage.aim({ target: (value && parseVector(value)) || undefined }),
+      'field-of-view': () => stage.aim({ fieldOfView: value ? fieldOfView(value) : undefined }),
       'auto-rotate': this.rotation,
       exposure: () => (stage.options.exposure = this.exposure),
-      mode: () => {
-        stage.options.mode = this.mode;
-        stage.ensureMode().catch((error: Error) => {
-          this.fail({ type: 'loadfailure', message: error.message });
-          this.mode = 'light-field';
-        });
-      },
+      mode: () => this.changeMode(),
       scheme: () => this.relay(),
       'memory-budget': () => this.relay(),
       filter: () => (stage.options.hardware = this.filter === 'hardware'),
@@ -161,9 +157,13 @@ export class KilnViewer extends HTMLElement implements KilnViewerElement {
   showLive(sceneKiln: ArrayBuffer): void {
     this.loader?.abort();
     this.clearMessage();
-    this.stage?.showLive(sceneKiln).then(
-      () => this.drawn(),
-      (error: Error) => this.fail({ type: 'loadfailure', message: error.message }),
+    const asked = ++this.asked;
+    this.complete = false;
+    const { stage } = this;
+    if (!stage) return;
+    new Promise<void>((resolve) => resolve(stage.showLive(sceneKiln))).then(
+      () => asked === this.asked && this.drawn(),
+      (error: Error) => asked === this.asked && this.fail({ type: 'loadfailure', message: error.message }),
     );
   }
 
@@ -208,6 +208,23 @@ export class KilnViewer extends HTMLElement implements KilnViewerElement {
 
   benchmark(frames: number): number[] { return this.stage?.frames.benchmark(frames) ?? []; }
 
+  /** A mode that cannot be drawn is given up, and its reason told. */
+  private changeMode(): void {
+    const { stage } = this;
+    if (!stage) return;
+    const givenUp = this.givingUp;
+    stage.options.mode = this.mode;
+    stage.ensureMode().then(
+      () => givenUp || this.clearMessage(),
+      (error: Error) => {
+        this.givingUp = true;
+        this.mode = 'light-field';
+        this.givingUp = false;
+        this.fail({ type: 'loadfailure', message: error.message });
+      },
+    );
+  }
+
   /** `loading="lazy"` waits until the element is nearly seen. */
   private seen(visible: boolean): void {
     const first = visible && !this.wasVisible;
@@ -223,18 +240,19 @@ export class KilnViewer extends HTMLElement implements KilnViewerElement {
     this.loader?.abort();
     const loader = new LightFieldLoader();
     this.loader = loader;
+    const asked = ++this.asked;
     this.complete = false;
     this.clearMessage();
     const began = performance.now();
     // The last tenth is for what comes after the files.
-    const progress = (share: number) => this.progress(share);
+    const progress = (share: number) => asked === this.asked && this.progress(share);
     progress(0);
     loader
       .loadAsync(src, ({ loaded, total }) => progress((0.9 * loaded) / Math.max(1, total)))
-      .then((field) => (loader === this.loader ? stage.show(field, began) : undefined))
-      .then(() => loader === this.loader && this.drawn())
+      .then((field) => (asked === this.asked ? stage.show(field, began) : undefined))
+      .then(() => asked === this.asked && this.drawn())
       .catch((error: Error) => {
-        if (loader === this.loader && error.name !== 'AbortError') this.fail({ type: 'loadfailure', message: error.message });
+        if (asked === this.asked && error.name !== 'AbortError') this.fail({ type: 'loadfailure', message: error.message });
       });
   }
 
@@ -242,6 +260,7 @@ export class KilnViewer extends HTMLElement implements KilnViewerElement {
     if (!this.stage) return;
     this.stage.drawNow();
     this.parts.poster.hidden = true;
+    this.parts.bar.hidden = true;
     this.progress(1);
     this.complete = true;
     this.dispatchEvent(new CustomEvent('load', { detail: { url: this.src } }));
@@ -253,7 +272,7 @@ export class KilnViewer extends HTMLElement implements KilnViewerElement {
     stage.options.scheme = this.scheme;
     stage.options.budget = this.memoryBudget * 2 ** 20;
     // Its errors have been told.
-    stage.prepare().catch(() => {});
+    stage.prepare().then(() => this.clearMessage(), () => {});
   }
 
   private progress(share: number): void {
@@ -284,9 +303,21 @@ export class KilnViewer extends HTMLElement implements KilnViewerElement {
     this.stage?.resize(this.clientWidth, this.clientHeight, Math.min(devicePixelRatio, 2));
   }
 
+  /** Who may not move the camera is not told how, and scrolls past. */
+  private allowControls(): void {
+    const on = this.hasAttribute('camera-controls') && this.getAttribute('camera-controls') !== 'false';
+    if (this.stage) this.stage.controls.enabled = on;
+    this.canvas.classList.toggle('still', !on);
+    if (on) this.canvas.tabIndex = 0;
+    else this.canvas.removeAttribute('tabindex');
+    this.canvas.setAttribute('role', on ? 'application' : 'img');
+    this.label();
+  }
+
   private label(): void {
     const keys = 'Arrow keys turn, Shift and arrow keys move, plus and minus zoom, Home resets, Enter inspects the texel in the middle.';
-    this.canvas.setAttribute('aria-label', `${this.alt || 'Baked scene'}. ${keys}`);
+    const name = this.alt || 'Baked scene';
+    this.canvas.setAttribute('aria-label', this.canvas.classList.contains('still') ? name : `${name}. ${keys}`);
   }
 
   private readonly rotation = (): void => {
@@ -294,22 +325,6 @@ export class KilnViewer extends HTMLElement implements KilnViewerElement {
     this.stage.autoRotate = this.autoRotate && this.visible && !this.calm.matches;
     if (this.stage.autoRotate) this.stage.frames.request();
   };
-
-  private setOrbit(text: string | null): void {
-    const orbit = text && parseOrbit(text);
-    if (this.stage && orbit) this.stage.controls.position = orbit;
-  }
-
-  private setTarget(text: string | null): void {
-    const target = text && parseVector(text);
-    if (target) this.setCamera(this.getCamera().eye, target);
-  }
-
-  private setFieldOfView(text: string | null): void {
-    const angle = text ? parseAngle(text) : null;
-    const { eye, target } = this.getCamera();
-    if (angle !== null) this.setCamera(eye, target, angle);
-  }
 }
 
 function oneOf<T extends string>(known: readonly T[], value: string | null, otherwise: T): T {

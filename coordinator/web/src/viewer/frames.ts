@@ -8,8 +8,9 @@
 const PAUSE_MS = 400;
 
 export class Frames {
-  fps = 0;
   lastMs = 0;
+  private rate = 0;
+  private rest = 0;
   private asked = 0;
   private previous = 0;
   private readonly gl: WebGL2RenderingContext;
@@ -24,6 +25,11 @@ export class Frames {
     this.finished = finished;
   }
 
+  /** Frames a second while they follow each other; 0 at rest. */
+  get fps(): number {
+    return performance.now() - this.previous < PAUSE_MS ? this.rate : 0;
+  }
+
   /** Asks for a frame. */
   request(): void {
     if (this.asked === 0) this.asked = requestAnimationFrame((now) => this.frame(now));
@@ -31,6 +37,7 @@ export class Frames {
 
   stop(): void {
     cancelAnimationFrame(this.asked);
+    clearTimeout(this.rest);
     this.asked = 0;
     this.fence = null;
   }
@@ -51,7 +58,10 @@ export class Frames {
     this.asked = 0;
     const gap = now - this.previous;
     this.previous = now;
-    this.fps = gap < PAUSE_MS ? (this.fps === 0 ? 1000 / gap : 0.8 * this.fps + 0.2 * (1000 / gap)) : 0;
+    this.rate = gap < PAUSE_MS ? (this.rate === 0 ? 1000 / gap : 0.8 * this.rate + 0.2 * (1000 / gap)) : 0;
+    clearTimeout(this.rest);
+    // One last word when the view has come to rest.
+    this.rest = window.setTimeout(this.finished, PAUSE_MS + 50);
     const began = performance.now();
     this.draw(now);
     if (this.fence) return;

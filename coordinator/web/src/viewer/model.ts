@@ -1,6 +1,5 @@
 /** What is loaded, for lists and inspectors. */
 
-import { sceneBounds } from '../field/camera.ts';
 import type { LightFieldObject } from '../gl/object.ts';
 import type { ViewerModel } from './api.ts';
 
@@ -29,7 +28,7 @@ export function modelOf(object: LightFieldObject): ViewerModel {
     grid: field.grid,
     codec: String(field.container.plan.settings.codec),
     exposureStops: field.exposureStops,
-    bounds: sceneBounds(field.container),
+    bounds: field.bounds,
     hasRaw: field.loadRaw !== null,
     live: field.manifest === null,
   };

@@ -10,6 +10,12 @@ export function parseAngle(text: string): number | null {
   return Number.isFinite(value) ? value : null;
 }
 
+/** A vertical field of view, degrees; undefined for what is none between 1 and 170. */
+export function fieldOfView(text: string): number | undefined {
+  const angle = parseAngle(text);
+  return angle !== null && angle >= 1 && angle <= 170 ? angle : undefined;
+}
+
 /** Metres; null for what is no length. */
 export function parseLength(text: string): number | null {
   const match = /^\s*(-?[\d.]+(?:e-?\d+)?)(m|cm|mm)?\s*$/i.exec(text);

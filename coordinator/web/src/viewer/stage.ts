@@ -6,14 +6,14 @@
  */
 
 import { Scene, PerspectiveCamera, Vector2, Vector3, WebGLRenderer } from 'three';
-import { type Camera, DEFAULT_FIELD_OF_VIEW, defaultCamera, sceneBounds } from '../field/camera.ts';
+import { type Camera, DEFAULT_FIELD_OF_VIEW, defaultCamera } from '../field/camera.ts';
 import { length, sub } from '../field/frame.ts';
 import { type LightField, makeLiveField } from '../field/light-field.ts';
 import { parseContainer } from '../format/container.ts';
 import { parseSegments } from '../format/segment.ts';
 import { LightFieldObject } from '../gl/object.ts';
 import { Painter } from '../gl/painter.ts';
-import type { ErrorDetail, Scheme, TexelSample, ViewMode, ViewerStats } from './api.ts';
+import type { ErrorDetail, OrbitPosition, Scheme, TexelSample, ViewMode, ViewerStats } from './api.ts';
 import { ViewControls } from './controls.ts';
 import { Frames } from './frames.ts';
 import { pick } from './pick.ts';
@@ -27,6 +27,14 @@ export interface StageEvents {
   model(): void;
   /** A context that was lost is there again, with everything in it. */
   restored(): void;
+}
+
+/** What is asked of the first view; what is left out is chosen. */
+export interface CameraGoals {
+  orbit?: OrbitPosition;
+  target?: [number, number, number];
+  /** Vertical, degrees. */
+  fieldOfView?: number;
 }
 
 /** How things are drawn; the element's attributes. */
@@ -45,6 +53,8 @@ export class Stage {
   readonly frames: Frames;
   readonly options: StageOptions = { mode: 'light-field', scheme: 'auto', hardware: true, exposure: 1, texelGrid: false, budget: 512 << 20 };
   object: LightFieldObject | null = null;
+  private goals: CameraGoals = {};
+  private readonly listening = new AbortController();
   /** Milliseconds; null until the first complete picture. */
   firstPictureMs: number | null = null;
   autoRotate = false;
@@ -80,12 +90,12 @@ export class Stage {
       event.preventDefault();
       this.frames.stop();
       events.error({ type: 'context-lost', message: 'The GPU was taken away from this page; the picture comes back when it is given back.' });
-    });
+    }, { signal: this.listening.signal });
     canvas.addEventListener('webglcontextrestored', () => {
       this.painter.settle();
       // Errors of it have been told.
       void this.prepare().then(events.restored, () => {});
-    });
+    }, { signal: this.listening.signal });
   }
 
   /**
@@ -98,7 +108,13 @@ export class Stage {
     const apart = this.object !== null && this.object.bytes + object.plannedBytes(this.options) <= this.options.budget;
     if (!apart) this.replace(object);
     this.firstPictureMs = null;
-    await this.prepare(object);
+    try {
+      await this.prepare(object);
+    } catch (error) {
+      if (apart) object.dispose();
+      if (this.latest === object) this.latest = this.object;
+      throw error;
+    }
     if (this.latest !== object) {
       if (apart) object.dispose();
       return;
@@ -125,7 +141,9 @@ export class Stage {
   prepare(object = this.object): Promise<void> {
     return this.during(async () => {
       try {
-        await object?.prepare({ ...this.options, changed: () => this.changed(object) });
+        const filling = object?.prepare({ ...this.options, changed: () => this.frames.request() });
+        if (object) this.changed(object);
+        await filling;
         await this.ensureMode(object);
       } catch (error) {
         if (object) this.failed(object, error as Error);
@@ -146,11 +164,21 @@ export class Stage {
     });
   }
 
-  /** Places the camera where nobody has: see `field/camera.ts`. */
+  /** Says what the first view should be, and shows it. */
+  aim(goals: CameraGoals): void {
+    this.goals = { ...this.goals, ...goals };
+    this.home();
+  }
+
+  /** The first view: what was asked of it, and for the rest what `field/camera.ts` chooses. */
   home(): void {
     if (!this.object) return;
-    const camera = defaultCamera(this.object.field.container, this.camera.aspect);
-    this.setCamera(camera);
+    const { orbit, target, fieldOfView } = this.goals;
+    const chosen = defaultCamera(this.object.field.container, this.camera.aspect, fieldOfView);
+    const centre = target ?? chosen.target;
+    const offset = sub(chosen.eye, chosen.target);
+    this.setCamera({ ...chosen, eye: [centre[0] + offset[0], centre[1] + offset[1], centre[2] + offset[2]], target: centre });
+    if (orbit) this.controls.position = orbit;
     this.placed = false;
   }
 
@@ -221,8 +249,11 @@ export class Stage {
 
   dispose(): void {
     this.frames.stop();
+    this.listening.abort();
     this.controls.dispose();
     this.object?.dispose();
+    if (this.latest !== this.object) this.latest?.dispose();
+    this.latest = null;
     this.painter.dispose();
     this.renderer.dispose();
   }
@@ -248,7 +279,7 @@ export class Stage {
   /** Clip planes around the scene as the eye sees it: depth is precise from a millimetre to a cathedral. */
   private fitClipPlanes(): void {
     if (!this.object) return;
-    const { low, high } = sceneBounds(this.object.field.container);
+    const { low, high } = this.object.field.bounds;
     const centre = new Vector3(...low).add(new Vector3(...high)).multiplyScalar(0.5);
     const radius = this.sceneRadius();
     const distance = this.camera.position.distanceTo(centre);
@@ -259,7 +290,7 @@ export class Stage {
 
   private sceneRadius(): number {
     if (!this.object) return 1;
-    const { low, high } = sceneBounds(this.object.field.container);
+    const { low, high } = this.object.field.bounds;
     return length(sub(high, low)) / 2 || 1;
   }
 
