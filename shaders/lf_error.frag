@@ -13,7 +13,9 @@ out vec4 outColor;
 
 // Black, blue, magenta, orange, yellow-white: brightness rises all along, for eyes that see no hues.
 vec3 lfHeat( float x ) {
-	const vec3 stops[ 5 ] = vec3[ 5 ]( vec3( 0.02, 0.02, 0.05 ), vec3( 0.2, 0.1, 0.55 ), vec3( 0.72, 0.15, 0.47 ), vec3( 0.98, 0.55, 0.2 ), vec3( 0.99, 0.98, 0.75 ) );
+	const vec3 stops[ 5 ] = vec3[ 5 ](
+		vec3( 0.02, 0.02, 0.05 ), vec3( 0.2, 0.1, 0.55 ), vec3( 0.72, 0.15, 0.47 ), vec3( 0.98, 0.55, 0.2 ), vec3( 0.99, 0.98, 0.75 )
+	);
 	float s = clamp( x, 0.0, 1.0 ) * 4.0;
 	int i = min( int( s ), 3 );
 	return mix( stops[ i ], stops[ i + 1 ], s - float( i ) );

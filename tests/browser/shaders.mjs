@@ -1,4 +1,5 @@
-// node shaders.mjs URL OUT: every shader that the viewer compiles, complete, as OUT/NAME.vert and OUT/NAME.frag. The text comes out of the bundle that is served.
+// node shaders.mjs URL OUT: every shader that the viewer compiles, complete, as OUT/NAME.vert and OUT/NAME.frag. The text comes out of the
+// bundle that is served.
 import fs from 'node:fs';
 import path from 'node:path';
 import { check, open, say, script } from './browser.mjs';

@@ -72,7 +72,11 @@ async function hiddenFragments(page) {
 }
 
 async function picks(page) {
-  const sample = await viewer(page, '(v) => { const s = v.pickAt(v.clientWidth / 2, v.clientHeight / 2); return s && { ...s, coded: [...s.coded], radiance: [...s.radiance] }; }');
+  const sample = await page.evaluate(() => {
+    const view = document.querySelector('kiln-viewer');
+    const found = view.pickAt(view.clientWidth / 2, view.clientHeight / 2);
+    return found && { ...found, coded: [...found.coded], radiance: [...found.radiance] };
+  });
   check(sample && sample.coded.length === sample.grid.nTheta * sample.grid.nPhi * 3, `no texel in the middle: ${JSON.stringify(sample)}`);
   check(sample.view.theta >= 0 && sample.view.theta <= 90 && sample.keptSamples >= 2, JSON.stringify(sample.view));
   check(sample.radiance.some((v) => v > 0), 'the hemisphere is black');

@@ -100,7 +100,10 @@ export class LightFieldObject extends Group {
     const mib = (bytes: number) => Math.ceil(bytes / 2 ** 20);
     const all = more + this.plannedBytes({ scheme: 'auto', budget });
     if (this.surfaces.some((view) => view.scheme !== 'raw') && all > budget) {
-      throw new Error(`Raw radiance takes ${mib(more)} MiB beside what is shown; the memory budget is ${mib(budget)} MiB: set memory-budget to ${mib(all)} or more`);
+      throw new Error(
+        `Raw radiance takes ${mib(more)} MiB beside what is shown; the memory budget is ${mib(budget)} MiB: ` +
+          `set memory-budget to ${mib(all)} or more`,
+      );
     }
   }
 

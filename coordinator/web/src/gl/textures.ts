@@ -8,6 +8,7 @@ import {
   type PixelFormat, RGBAFormat, RGBAIntegerFormat, RedIntegerFormat, type Texture, type TextureDataType, UnsignedByteType, UnsignedIntType,
   UnsignedShortType, Vector3, type WebGLRenderer, DataUtils,
 } from 'three';
+import type { ExpandedBlock } from '../field/decode.ts';
 import { type ArrayLayout, type GpuLimits, STREAM_WIDTH, arrayBytes, streamCapacity, streamLayout } from '../field/layout.ts';
 import type { CodedSurface } from '../format/coded.ts';
 
@@ -89,7 +90,7 @@ export function meanTexture(width: number, height: number): Held<DataTexture> {
 }
 
 /** Writes a rectangle of RGBA floats into a {@link meanTexture}. */
-export function writeMean(renderer: WebGLRenderer, texture: DataTexture, block: { x: number; y: number; width: number; height: number; mean: Float32Array }): void {
+export function writeMean(renderer: WebGLRenderer, texture: DataTexture, block: ExpandedBlock): void {
   const source = new DataTexture(toHalf(block.mean) as Uint16Array<ArrayBuffer>, block.width, block.height, RGBAFormat, HalfFloatType);
   renderer.copyTextureToTexture(source, texture, null, new Vector3(block.x, block.y, 0));
 }

@@ -89,7 +89,9 @@ export class KilnViewer extends HTMLElement implements KilnViewerElement {
       this.canvas.hidden = true;
       this.fail({
         type: 'webgl',
-        message: `This browser gives the page no WebGL 2, which the view needs; another browser, or its graphics acceleration, may help. (${(error as Error).message})`,
+        message:
+          'This browser gives the page no WebGL 2, which the view needs; another browser, or its graphics acceleration, may help. ' +
+          `(${(error as Error).message})`,
       });
       return;
     }
@@ -112,7 +114,10 @@ export class KilnViewer extends HTMLElement implements KilnViewerElement {
   attributeChangedCallback(name: string, before: string | null, value: string | null): void {
     const { stage } = this;
     if (name === 'alt') this.label();
-    if (name === 'poster') (this.parts.poster.firstElementChild as HTMLElement).style.backgroundImage = value ? `url(${JSON.stringify(new URL(value, document.baseURI).href)})` : '';
+    if (name === 'poster') {
+      const url = value && JSON.stringify(new URL(value, document.baseURI).href);
+      (this.parts.poster.firstElementChild as HTMLElement).style.backgroundImage = url ? `url(${url})` : '';
+    }
     if (!stage || before === value) return;
     const apply: Record<string, () => void> = {
       src: () => this.start(),
