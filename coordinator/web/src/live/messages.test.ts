@@ -21,6 +21,7 @@ test('each end has its own sentence', () => {
     say({ gone: 'unknown' }),
     say({ gone: 'deleted', job: job({}) }),
     say({ awaySince: 0 }),
+    say({ refused: 'busy' }),
     say({ job: job({ state: 'failed' }) }),
     say({ job: job({ state: 'cancelled' }) }),
     say({ job: job({ waiting: 'no worker is connected' }) }),
@@ -32,6 +33,12 @@ test('each end has its own sentence', () => {
 
 test('that a job is gone outweighs that it waits', () => {
   expect(say({ gone: 'deleted', job: job({ waiting: 'x' }) })?.text).toContain('deleted');
+});
+
+test('a refusal is told in the words of the coordinator', () => {
+  expect(say({ job: job({}), refused: 'the store is read-only' })).toEqual({
+    role: 'alert', text: 'The coordinator refuses to tell how this job is, and is asked again every 2 s: the store is read-only',
+  });
 });
 
 test('silence is told with its beginning and what happens next', () => {

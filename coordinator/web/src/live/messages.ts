@@ -25,10 +25,13 @@ export function messageFor(state: FollowState, retrySeconds: number): Message | 
     const rest = state.job ? 'What you see stays; the page goes on by itself when it is back.' : 'The page begins by itself when it is back.';
     return alert(`The coordinator does not answer since ${clockTime(state.awaySince)}; trying again every ${retrySeconds} s. ${rest}`);
   }
+  if (state.refused !== null) {
+    return alert(`The coordinator refuses to tell how this job is, and is asked again every ${retrySeconds} s: ${state.refused}`);
+  }
   const own = state.job && jobMessage(state.job);
   if (own) return own;
   if (state.missed && state.job && !isFinal(state.job.state)) {
-    return status('Some events of this job were missed while the connection was down; its tiles were read again from the coordinator.');
+    return status('Some events of this job were missed while the page was not connected; its tiles were read again from the coordinator.');
   }
   return null;
 }

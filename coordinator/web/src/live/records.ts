@@ -90,6 +90,12 @@ export interface Snapshot {
   runs: TileRun[];
 }
 
+/** Tiles that are done, of the present phase or of the last. */
+export interface DoneTiles {
+  phase: Phase | null;
+  runs: TileRun[];
+}
+
 /** Whether nothing will change any more. */
 export const isFinal = (state: JobState): boolean => state === 'done' || state === 'failed' || state === 'cancelled';
 

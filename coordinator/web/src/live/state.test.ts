@@ -47,6 +47,21 @@ test('the first silence counts, and the first word ends it', () => {
   expect(apply(away, tiles(1, 0, 1)).awaySince).toBeNull();
 });
 
+test('a refusal is neither silence nor the end, and the next record ends it', () => {
+  const refused = after(record(), { kind: 'away', at: 1000 }, { kind: 'refused', detail: 'busy' });
+  expect([refused.awaySince, refused.refused, refused.gone, refused.job?.state]).toEqual([null, 'busy', null, 'baking']);
+  expect(apply(refused, { kind: 'refused', detail: 'busy' })).toBe(refused);
+  expect(apply(refused, { kind: 'away', at: 2000 }).refused).toBeNull();
+  expect(apply(refused, { kind: 'not-found' }).refused).toBeNull();
+  expect(apply(refused, record()).refused).toBeNull();
+});
+
+test('tiles that were asked for add to those of events, and leave the place in the stream', () => {
+  const state = after(record(), tiles(3, 0, 4), { kind: 'tiles', phase: 'bake', runs: [{ start: 2, end: 6 }] });
+  expect([state.baked, state.seq]).toEqual([[{ start: 0, end: 6 }], 3]);
+  expect(apply(state, { kind: 'tiles', phase: 'probe', runs: [{ start: 8, end: 9 }] })).toBe(state);
+});
+
 test('a snapshot in the middle replaces what was known and says that events were missed', () => {
   const snapshot: Input = { kind: 'snapshot', seq: 90, snapshot: { job: job(), phase: 'bake', runs: [{ start: 3, end: 8 }] } };
   const first = after(record(), snapshot);

@@ -15,6 +15,8 @@ export interface FollowState {
   job: JobRecord | null;
   /** When it stopped answering, by this machine's clock; null while it answers. */
   awaySince: number | null;
+  /** Why it does not tell how the job is, in its words; null while it does, or says nothing at all. */
+  refused: string | null;
   /** The job is not there: never was (`unknown`), or was removed while it was followed (`deleted`). */
   gone: 'unknown' | 'deleted' | null;
   /** Sequence number of the last event. */
@@ -25,25 +27,31 @@ export interface FollowState {
   missed: boolean;
 }
 
-export const INITIAL: FollowState = { job: null, awaySince: null, gone: null, seq: 0, baked: [], missed: false };
+export const INITIAL: FollowState = { job: null, awaySince: null, refused: null, gone: null, seq: 0, baked: [], missed: false };
 
 /** What the coordinator said, or that it said nothing. */
 export type Input =
   | { kind: 'record'; job: JobRecord }
   | { kind: 'event'; event: JobEvent }
   | { kind: 'snapshot'; seq: number; snapshot: Snapshot }
+  | { kind: 'tiles'; phase: Phase | null; runs: TileRuns }
   | { kind: 'not-found' }
+  | { kind: 'refused'; detail: string }
   | { kind: 'away'; at: number };
 
 /** The state after `input`; the same object where nothing changes. */
 export function apply(state: FollowState, input: Input): FollowState {
   switch (input.kind) {
     case 'record':
-      return { ...state, job: input.job, awaySince: null, gone: null };
+      return { ...state, job: input.job, awaySince: null, refused: null, gone: null };
+    case 'tiles':
+      return input.phase === 'bake' ? { ...state, baked: union(state.baked, input.runs) } : state;
     case 'not-found':
-      return state.gone ? state : { ...state, awaySince: null, gone: state.job ? 'deleted' : 'unknown' };
+      return state.gone ? state : { ...state, awaySince: null, refused: null, gone: state.job ? 'deleted' : 'unknown' };
+    case 'refused':
+      return state.refused === input.detail ? state : { ...state, awaySince: null, refused: input.detail };
     case 'away':
-      return state.awaySince === null ? { ...state, awaySince: input.at } : state;
+      return state.awaySince === null ? { ...state, awaySince: input.at, refused: null } : state;
     case 'snapshot':
       return applySnapshot(state, input.seq, input.snapshot);
     case 'event':
@@ -54,7 +62,7 @@ export function apply(state: FollowState, input: Input): FollowState {
 /** A snapshot at the beginning is how a long history is told; later it means that events were missed. */
 function applySnapshot(state: FollowState, seq: number, { job, phase, runs }: Snapshot): FollowState {
   const baked = phase === 'bake' ? union([], runs) : [];
-  return { ...state, job, awaySince: null, gone: null, seq, baked, missed: state.missed || state.seq > 0 };
+  return { ...state, job, awaySince: null, refused: null, gone: null, seq, baked, missed: state.missed || state.seq > 0 };
 }
 
 function applyEvent(state: FollowState, event: JobEvent): FollowState {
