@@ -8,7 +8,9 @@ use glam::Vec3;
 use kiln_coordinator::preview::{Camera, Frame, Light, Mode, Origin, PictureSize, View, camera::DEFAULT_FOV, render, view};
 use kiln_proto::format::stream::Trust;
 use std::{
+    fs::Permissions,
     io::Write,
+    os::unix::fs::PermissionsExt,
     path::{Path, PathBuf},
     time::Instant,
 };
@@ -82,7 +84,10 @@ fn folder_of(output: &Path) -> Result<&Path, ToolError> {
 /// Writes beside the file and renames: whoever watches it never sees half a picture.
 fn write(output: &Path, folder: &Path, frame: &Frame, exposure: f32) -> Result<(), ToolError> {
     let png = frame.to_png(exposure).map_err(std::io::Error::other).map_err(io_fault(output))?;
-    let mut staged = tempfile::Builder::new().prefix(".kiln-render-").tempfile_in(folder).map_err(io_fault(folder))?;
+    let mut builder = tempfile::Builder::new();
+    // As any new file: the umask is taken off, where the usual temporary file would be for its owner alone.
+    builder.prefix(".kiln-render-").permissions(Permissions::from_mode(0o666));
+    let mut staged = builder.tempfile_in(folder).map_err(io_fault(folder))?;
     staged.write_all(&png).map_err(io_fault(output))?;
     kiln_coordinator::blob::publish(staged.into_temp_path(), output).map_err(io_fault(output))
 }

@@ -1,6 +1,6 @@
 //! What someone asks to see, as text and as values: one set of checks for the command line and for HTTP.
 
-use super::camera::{BadCamera, Camera, DEFAULT_FOV, PictureSize, check, default_view};
+use super::camera::{BadCamera, Camera, DEFAULT_FOV, PictureSize, check, default_view, is_near, not_finite};
 use glam::Vec3;
 use kiln_proto::scene::Scene;
 use serde::{Deserialize, Serialize};
@@ -60,9 +60,14 @@ impl From<BadCamera> for BadView {
             BadCamera::Size { .. } => "h",
             BadCamera::NotFinite { what, .. } => what,
             BadCamera::NoDirection { .. } => "eye",
-            BadCamera::Fov { .. } => "fov",
+            BadCamera::Fov { .. } | BadCamera::TooFar { .. } => "fov",
         };
-        Self { field, message: error.to_string() }
+        let message = match error {
+            // The field says which.
+            BadCamera::NotFinite { at, .. } => not_finite(at),
+            _ => error.to_string(),
+        };
+        Self { field, message }
     }
 }
 
@@ -92,9 +97,12 @@ impl View {
     /// The camera of this view in a scene: what is not said is as in the default view.
     ///
     /// # Errors
-    /// Values out of their ranges, an eye that is where the target is.
+    /// Values out of their ranges, an eye that is where the target is, a default eye that would be too far away.
     pub fn camera(&self, scene: &Scene) -> Result<Camera, BadCamera> {
         let (eye, target) = default_view(scene, self.fov, self.size)?;
+        if self.eye.is_none() && !is_near(eye) {
+            return Err(BadCamera::TooFar { fov: self.fov, size: self.size });
+        }
         Camera::new(self.eye.unwrap_or(eye), self.target.unwrap_or(target), self.fov, self.size)
     }
 }
