@@ -9,6 +9,10 @@ use std::{fmt, str::FromStr};
 pub const SIDE: u32 = 4_096;
 /// Pixels of a picture, at most.
 pub const PIXELS: u64 = 8_388_608;
+/// Rays along each side of a pixel, at most.
+pub const ANTIALIAS: u32 = 4;
+/// Rays along each side of a pixel where nobody says how many.
+pub const DEFAULT_ANTIALIAS: u32 = 2;
 /// The vertical field of view where none is said, degrees.
 pub const DEFAULT_FOV: f32 = 45.0;
 /// The smallest and the largest vertical field of view, degrees.
@@ -166,6 +170,11 @@ impl Camera {
     #[must_use]
     pub fn size(&self) -> PictureSize {
         self.size
+    }
+
+    /// The same view through `rays` x `rays` pixels in the place of each: its size is that of no picture, and beyond the limits.
+    pub(super) fn finer(&self, rays: u32) -> Self {
+        Self { size: PictureSize { width: self.size.width * rays, height: self.size.height * rays }, ..*self }
     }
 
     /// The unit direction through the middle of a pixel; (0, 0) is the upper left one.
