@@ -27,7 +27,7 @@ const BLOCK: usize = 64 << 10;
 
 /// One kind of costly work.
 pub(super) struct Admission {
-    /// What there is too much of, as the subject of a sentence.
+    /// What there is too much of, as in "too many ... at the same time".
     what: &'static str,
     /// Under way or waiting.
     admitted: Arc<Semaphore>,
