@@ -61,6 +61,15 @@ fn raw_and_codec_show_the_same_but_for_the_error_bound() {
 }
 
 #[test]
+fn more_rays_a_pixel_make_another_picture_of_the_same_size() {
+    let dir = baked(None);
+    let with = |rays: &[&str]| picture(dir.path(), &[&["--eye", "2,2,3", "--size", "40x30"], rays].concat()).0;
+    assert_eq!(with(&[]), with(&["--antialias", "2"]));
+    assert_ne!(with(&[]), with(&["--antialias", "1"]));
+    assert_eq!(image::load_from_memory(&with(&["--antialias", "4"])).unwrap().to_rgb8().dimensions(), (40, 30));
+}
+
+#[test]
 fn only_an_eye_or_only_a_target_is_completed_by_the_default_view() {
     let dir = baked(None);
     let camera = |more: &[&str]| picture(dir.path(), more).1["camera"].clone();
