@@ -61,7 +61,7 @@ pub async fn run(args: &BakeArgs, json: bool) -> Result<(), CommandError> {
             let done = progress::follow(&api, job.id).await.and_then(finished).map_err(Failure::Bake)?;
             fetch::deliver(&api, done.id, args.content, target).await.map_err(|e| Failure::Delivery(done.id, e))?;
             delivered.push(target.display().to_string());
-            report(scene, &args.content.package_in(target), target, &done, json).map_err(Failure::Bake)?;
+            report(scene, args.content, target, &done, json).map_err(Failure::Bake)?;
         }
         Ok(())
     };
@@ -135,9 +135,11 @@ pub fn finished(job: JobRecord) -> Result<JobRecord, CommandError> {
     }
 }
 
-fn report(scene: &Path, package: &Path, target: &Path, job: &JobRecord, json: bool) -> Result<(), CommandError> {
+fn report(scene: &Path, content: Content, target: &Path, job: &JobRecord, json: bool) -> Result<(), CommandError> {
     if json {
-        return output::json(&serde_json::json!({"scene": scene, "package": package, "job": job}));
+        return output::json(&serde_json::json!({"scene": scene, "package": content.package_in(target), "job": job}));
     }
-    output::line(&format!("{}", target.display()))
+    output::line(&format!("{}", target.display()))?;
+    content.explain(target);
+    Ok(())
 }

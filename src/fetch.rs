@@ -47,6 +47,14 @@ impl Content {
         if self.with_viewer { folder.join(PACKAGE_FOLDER) } else { folder.to_owned() }
     }
 
+    /// Tells, on stderr, what a folder with the viewer wants: browsers load no module from `file://`, and show an empty page.
+    pub fn explain(self, folder: &Path) {
+        if self.with_viewer {
+            let folder = folder.display();
+            eprintln!("to look at it, put {folder} on a web server or run `kiln view {folder}`; opened as a file, index.html stays empty");
+        }
+    }
+
     /// The file that is moved into place last: where it is, everything is.
     fn last(self) -> &'static str {
         if self.with_viewer { "index.html" } else { manifest::PATH }
@@ -59,10 +67,11 @@ pub async fn run(args: &FetchArgs, json: bool) -> Result<(), CommandError> {
     args.content.check()?;
     deliver(&args.server.api()?, args.id, args.content, &args.output).await?;
     if json {
-        output::json(&serde_json::json!({"package": args.content.package_in(&args.output)}))
-    } else {
-        output::line(&args.output.display().to_string())
+        return output::json(&serde_json::json!({"package": args.content.package_in(&args.output)}));
     }
+    output::line(&args.output.display().to_string())?;
+    args.content.explain(&args.output);
+    Ok(())
 }
 
 /// A folder that exists must be empty: files of two packages never mix.
@@ -124,9 +133,9 @@ pub async fn deliver(api: &Api, id: JobId, content: Content, target: &Path) -> R
 /// Downloads a package and checks every file against the manifest.
 async fn download(api: &Api, id: JobId, dir: &Path) -> Result<(), CommandError> {
     let text = api.manifest(id).await?;
-    let manifest: Manifest = serde_json::from_slice(&text).map_err(|e| CommandError::from_error("the manifest cannot be read", &e))?;
+    let manifest = understand(&text)?;
     for file in &manifest.files {
-        let to = dir.join(safe(&file.path)?);
+        let to = dir.join(&file.path);
         if let Some(folder) = to.parent() {
             std::fs::create_dir_all(folder).map_err(|e| at(folder, &e))?;
         }
@@ -141,6 +150,11 @@ async fn download(api: &Api, id: JobId, dir: &Path) -> Result<(), CommandError> 
     std::fs::write(&last, &text).map_err(|e| at(&last, &e))
 }
 
+/// Reads a manifest that came over a network: of this version, and with no path that leads out of the package.
+fn understand(text: &[u8]) -> Result<Manifest, CommandError> {
+    Manifest::from_bytes(text).map_err(|e| CommandError::from_error("the package cannot be fetched", &e))
+}
+
 /// Moves what is in `staging` into `target`, the entry `last` at the end.
 fn publish(staging: &Path, target: &Path, last: &str) -> Result<(), CommandError> {
     let mut names = Vec::new();
@@ -153,16 +167,6 @@ fn publish(staging: &Path, target: &Path, last: &str) -> Result<(), CommandError
 
 fn at(path: &Path, e: &std::io::Error) -> CommandError {
     CommandError::work(format!("{}: {e}", path.display()))
-}
-
-/// A path of a manifest, which came over a network, stays inside the folder.
-fn safe(path: &str) -> Result<&Path, CommandError> {
-    let inside = !path.is_empty() && Path::new(path).components().all(|c| matches!(c, std::path::Component::Normal(_)));
-    if inside {
-        Ok(Path::new(path))
-    } else {
-        Err(CommandError::work(format!("the manifest names the file `{path}`, which lies outside the package")))
-    }
 }
 
 fn sha256(path: &Path) -> std::io::Result<(u64, String)> {
@@ -182,12 +186,24 @@ fn sha256(path: &Path) -> std::io::Result<(u64, String)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::package::fixture;
+    use kiln_proto::settings::Rule;
 
     #[test]
-    fn paths_that_leave_the_folder_are_refused() {
-        assert!(safe("surfaces/floor.mti").is_ok());
+    fn manifests_of_another_version_or_with_paths_that_leave_the_folder_are_refused() {
+        let dir = tempfile::tempdir().unwrap();
+        fixture::bake(dir.path(), fixture::settings(Rule::Bounded { eps: 1 }, None));
+        let good: serde_json::Value = serde_json::from_slice(&std::fs::read(dir.path().join(manifest::PATH)).unwrap()).unwrap();
+        assert!(understand(good.to_string().as_bytes()).is_ok());
+        let refused = |pointer: &str, value: serde_json::Value| {
+            let mut bad = good.clone();
+            *bad.pointer_mut(pointer).unwrap() = value;
+            understand(bad.to_string().as_bytes()).unwrap_err().to_string()
+        };
+        assert!(refused("/schema", 99.into()).contains("schema version 99"));
         for bad in ["", "/etc/passwd", "../x", "a/../../b", "./x"] {
-            assert!(safe(bad).is_err(), "{bad}");
+            let error = refused("/files/0/path", bad.into());
+            assert!(error.contains(&format!("`{bad}`")), "{error}");
         }
     }
 

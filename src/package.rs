@@ -7,7 +7,10 @@
 pub(crate) mod fixture;
 
 use crate::error::CommandError;
-use kiln_coordinator::{assemble::AssembleError, preview::PackageFiles};
+use kiln_coordinator::{
+    assemble::AssembleError,
+    preview::{PackageFiles, RenderError},
+};
 use kiln_proto::{
     codec::pwl::Order,
     format::{
@@ -65,6 +68,9 @@ pub(crate) enum ToolError {
     /// A surface's files cannot be read.
     #[error(transparent)]
     Read(#[from] ReadError),
+    /// There is no picture.
+    #[error(transparent)]
+    Render(#[from] RenderError),
     /// Something in the package contradicts something else.
     #[error("{0}")]
     Damaged(String),

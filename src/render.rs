@@ -5,10 +5,16 @@ use crate::{
     package::{Package, ToolError, io_fault},
 };
 use glam::Vec3;
-use kiln_coordinator::preview::{Camera, Frame, Light, Mode, Origin, PictureSize, View, camera::DEFAULT_FOV, render, view};
+use kiln_coordinator::preview::{
+    Camera, Light, Mode, Origin, Picture, PictureSize, Stop, View,
+    camera::{DEFAULT_ANTIALIAS, DEFAULT_FOV},
+    draw, view,
+};
 use kiln_proto::format::stream::Trust;
 use std::{
+    fs::Permissions,
     io::Write,
+    os::unix::fs::PermissionsExt,
     path::{Path, PathBuf},
     time::Instant,
 };
@@ -39,6 +45,9 @@ pub(crate) struct Args {
     /// What light it shows: light-field, or diffuse for what a lightmap would show.
     #[arg(long, default_value = "light-field")]
     pub(crate) mode: Mode,
+    /// Rays along each side of a pixel, 1 to 4; a pixel shows their mean.
+    #[arg(long, value_name = "N", value_parser = view::antialias, default_value_t = DEFAULT_ANTIALIAS)]
+    pub(crate) antialias: u32,
     /// Where radiance comes from: codec for the encoded files, raw for the kept samples.
     #[arg(long, value_parser = word::<Origin>, default_value = "codec")]
     pub(crate) from: Origin,
@@ -55,15 +64,15 @@ pub(crate) fn run(args: &Args, json: bool, out: &mut dyn Write) -> Result<(), To
     if args.from == Origin::Raw && package.plan.settings.raw.is_none() {
         return Err(ToolError::NoRaw { path: package.dir });
     }
-    let &Args { eye, target, fov, size, exposure, mode, from, .. } = args;
-    let asked = View { eye, target, fov, size, exposure, mode };
+    let &Args { eye, target, fov, size, exposure, mode, antialias, from, .. } = args;
+    let asked = View { eye, target, fov, size, exposure, mode, antialias };
     let camera = asked.camera(&package.scene).map_err(|e| ToolError::Usage(e.to_string()))?;
     let begun = Instant::now();
     let mut light = Light::new(&package, &package.scene, &package.plan, from, Trust::Checksum);
-    let frame = render(&package.scene, &package.plan, &mut light, &camera, mode)?;
+    let picture = draw(&package.scene, &package.plan, &mut light, &camera, &asked, &Stop::default())?;
     let milliseconds = begun.elapsed().as_secs_f64() * 1e3;
-    write(&args.output, folder, &frame, exposure)?;
-    tell(args, &camera, &frame, milliseconds, json, out)
+    write(&args.output, folder, &picture)?;
+    tell(args, &camera, &picture, milliseconds, json, out)
 }
 
 /// The folder that the file is to be in.
@@ -80,16 +89,19 @@ fn folder_of(output: &Path) -> Result<&Path, ToolError> {
 }
 
 /// Writes beside the file and renames: whoever watches it never sees half a picture.
-fn write(output: &Path, folder: &Path, frame: &Frame, exposure: f32) -> Result<(), ToolError> {
-    let png = frame.to_png(exposure).map_err(std::io::Error::other).map_err(io_fault(output))?;
-    let mut staged = tempfile::Builder::new().prefix(".kiln-render-").tempfile_in(folder).map_err(io_fault(folder))?;
+fn write(output: &Path, folder: &Path, picture: &Picture) -> Result<(), ToolError> {
+    let png = picture.to_png().map_err(std::io::Error::other).map_err(io_fault(output))?;
+    let mut builder = tempfile::Builder::new();
+    // As any new file: the umask is taken off, where the usual temporary file would be for its owner alone.
+    builder.prefix(".kiln-render-").permissions(Permissions::from_mode(0o666));
+    let mut staged = builder.tempfile_in(folder).map_err(io_fault(folder))?;
     staged.write_all(&png).map_err(io_fault(output))?;
     kiln_coordinator::blob::publish(staged.into_temp_path(), output).map_err(io_fault(output))
 }
 
-fn tell(args: &Args, camera: &Camera, frame: &Frame, milliseconds: f64, json: bool, out: &mut dyn Write) -> Result<(), ToolError> {
+fn tell(args: &Args, camera: &Camera, picture: &Picture, milliseconds: f64, json: bool, out: &mut dyn Write) -> Result<(), ToolError> {
     let (eye, target) = (camera.eye(), camera.target());
-    let (size, dark) = (frame.size(), frame.without_light());
+    let (size, dark) = (picture.size(), picture.without_light());
     if json {
         let report = serde_json::json!({
             "file": args.output,

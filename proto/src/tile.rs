@@ -158,6 +158,25 @@ impl TileRuns {
         out
     }
 
+    /// The tiles of both sets. Cost: the number of runs.
+    #[must_use]
+    pub fn intersection(&self, other: &Self) -> Self {
+        let (mut out, mut a, mut b) = (vec![], self.0.iter().peekable(), other.0.iter().peekable());
+        while let (Some(x), Some(y)) = (a.peek(), b.peek()) {
+            let both = TileRun { start: x.start.max(y.start), end: x.end.min(y.end) };
+            if !both.is_empty() {
+                out.push(both);
+            }
+            if x.end < y.end {
+                a.next()
+            } else {
+                b.next()
+            };
+        }
+        // Runs of a set do not touch, so that what lies in both of two sets does not either.
+        Self(out)
+    }
+
     /// The tiles of this set that are not in `other`.
     #[must_use]
     pub fn minus(&self, other: &Self) -> Self {
@@ -227,6 +246,7 @@ mod tests {
         fn union_and_minus_agree_with_sets(a in prop::collection::btree_set(0u64..50, 0..30), b in prop::collection::btree_set(0u64..50, 0..30)) {
             let runs = |s: &BTreeSet<u64>| s.iter().copied().map(TileIndex).collect::<TileRuns>();
             prop_assert_eq!(runs(&a).union(&runs(&b)), runs(&a.union(&b).copied().collect()));
+            prop_assert_eq!(runs(&a).intersection(&runs(&b)), runs(&a.intersection(&b).copied().collect()));
             prop_assert_eq!(runs(&a).minus(&runs(&b)), runs(&a.difference(&b).copied().collect()));
         }
     }

@@ -49,14 +49,24 @@ fn raw_and_codec_show_the_same_but_for_the_error_bound() {
     let args = |from| parse(dir.path(), &[&FACING[..], &["--size", "40x30", "--from", from]].concat()).unwrap();
     let package = Package::open(dir.path()).unwrap();
     let bytes = |args: &Args| {
-        let camera = View { eye: args.eye, target: args.target, size: args.size, ..View::default() }.camera(&package.scene).unwrap();
+        let view = View { eye: args.eye, target: args.target, size: args.size, ..View::default() };
+        let camera = view.camera(&package.scene).unwrap();
         let mut light = Light::new(&package, &package.scene, &package.plan, args.from, Trust::Checksum);
-        render(&package.scene, &package.plan, &mut light, &camera, args.mode).unwrap().to_srgb(0.0)
+        draw(&package.scene, &package.plan, &mut light, &camera, &view, &Stop::default()).unwrap().rgb().as_flattened().to_vec()
     };
     let (raw, coded) = (bytes(&args("raw")), bytes(&args("codec")));
     // One level of the bound, half a level of coding to 8 bits, and what rounding does to a value on the edge.
     let worst = raw.iter().zip(&coded).map(|(a, b)| a.abs_diff(*b)).max();
     assert!(worst <= Some(2) && raw != coded, "{worst:?}");
+}
+
+#[test]
+fn more_rays_a_pixel_make_another_picture_of_the_same_size() {
+    let dir = baked(None);
+    let with = |rays: &[&str]| picture(dir.path(), &[&["--eye", "2,2,3", "--size", "40x30"], rays].concat()).0;
+    assert_eq!(with(&[]), with(&["--antialias", "2"]));
+    assert_ne!(with(&[]), with(&["--antialias", "1"]));
+    assert_eq!(image::load_from_memory(&with(&["--antialias", "4"])).unwrap().to_rgb8().dimensions(), (40, 30));
 }
 
 #[test]
@@ -82,6 +92,8 @@ fn values_that_make_no_picture_are_refused_in_a_sentence() {
         (&["--target", "0,inf,0"], "finite"),
         (&["--fov", "wide"], "a finite number"),
         (&["--exposure", "21"], "-20 to 20 stops"),
+        (&["--antialias", "5"], "1 to 4 rays"),
+        (&["--antialias", "0"], "1 to 4 rays"),
         (&["--mode", "dark"], "light-field or diffuse"),
         (&["--from", "memory"], "memory"),
     ] {

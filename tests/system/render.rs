@@ -1,7 +1,8 @@
 //! `kiln render` as its users meet it: a package becomes a picture, and what cannot is said in a sentence.
 
-use crate::harness::{bake_room, fail, succeed};
+use crate::harness::{bake_room, fail, kiln, succeed};
 use serde_json::Value;
+use std::os::unix::fs::PermissionsExt;
 use tempfile::TempDir;
 
 #[test]
@@ -30,6 +31,14 @@ fn a_baked_room_becomes_a_picture() {
         assert_ne!(std::fs::read(png).unwrap(), first);
         assert_eq!(image::open(png).unwrap().to_rgb8().dimensions(), (80, 60));
     }
+
+    // A bare name is a file of the working folder, and as open to others as any new file there.
+    let output = kiln(["render", package, "-o", "bare.png", "--size", "8x6"]).current_dir(dir.path()).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    assert_eq!(image::open(dir.path().join("bare.png")).unwrap().to_rgb8().dimensions(), (8, 6));
+    let mode = |name: &str| std::fs::metadata(dir.path().join(name)).unwrap().permissions().mode();
+    std::fs::write(dir.path().join("usual"), "").unwrap();
+    assert_eq!(mode("bare.png"), mode("usual"), "the umask decides");
 
     fail(2, &["does not exist"], ["render", package, "-o", dir.path().join("no/view.png").to_str().unwrap()]);
     fail(2, &["100000x100000", "4096"], ["render", package, "-o", png, "--size", "100000x100000"]);

@@ -1,6 +1,6 @@
 //! The viewer beside a package, and `kiln view`.
 
-use crate::harness::{Server, announced, bake_room, fail, kiln, package, runtime, succeed};
+use crate::harness::{Server, announced, bake_room, fail, kiln, package, run, runtime, succeed};
 use std::{
     io::{Read, Write},
     net::TcpStream,
@@ -31,9 +31,13 @@ fn a_package_is_fetched_with_its_viewer() {
     assert!(!out.exists(), "a fetch that failed leaves nothing");
     let _worker = server.worker(&[]);
     server.wait_for(&job, "the end", |r| r["state"] == "done");
-    succeed(fetch);
+    let output = run(fetch);
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success() && said.contains(&format!("kiln view {}", out.display())), "{said}");
     is_whole(&out);
     fail(2, &["not empty"], fetch);
+    let quiet = run(["--json", "fetch", &job, "--server", &server.url, "--with-viewer", "-o", dir.path().join("quiet").to_str().unwrap()]);
+    assert!(quiet.status.success() && quiet.stderr.is_empty(), "{}", String::from_utf8_lossy(&quiet.stderr));
 }
 
 /// What a server says to a request written by hand: a client library would tidy `..` away before it is sent.
@@ -84,6 +88,33 @@ fn view_serves_a_package_and_nothing_else() {
         process.terminate();
         assert!(process.wait().success());
     }
+}
+
+#[test]
+fn view_sees_when_the_package_has_changed() {
+    let dir = TempDir::new().unwrap();
+    let folder = dir.path().join("package");
+    bake_room(&folder, &["--seed", "1"]);
+    let (_process, said) = announced(kiln(["--json", "view", folder.to_str().unwrap()]));
+    let url = said["url"].as_str().unwrap();
+    let tag = || {
+        let said = raw(url, "/package/surfaces/floor.mtnc", "localhost");
+        assert!(said.starts_with("HTTP/1.1 200"), "{said}");
+        said.lines().find(|line| line.starts_with("etag:")).unwrap().to_owned()
+    };
+    let before = tag();
+    assert_eq!(tag(), before);
+    let other = dir.path().join("other");
+    bake_room(&other, &["--seed", "2"]);
+    // As `kiln fetch` does it: the manifest last.
+    std::fs::remove_dir_all(&folder).unwrap();
+    std::fs::rename(&other, &folder).unwrap();
+    assert_ne!(tag(), before);
+    let manifest = std::fs::read_to_string(folder.join("manifest.json")).unwrap();
+    std::fs::write(folder.join("manifest.json"), manifest.replacen("\"schema\": 1", "\"schema\": 12", 1)).unwrap();
+    let said = raw(url, "/package/surfaces/floor.mtnc", "localhost");
+    assert!(said.starts_with("HTTP/1.1 404") && said.contains("schema version 12"), "{said}");
+    fail(1, &["schema version 12"], ["view", folder.to_str().unwrap()]);
 }
 
 #[test]

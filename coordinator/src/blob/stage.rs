@@ -11,6 +11,8 @@ use tempfile::TempPath;
 pub fn publish(staged: TempPath, to: &Path) -> io::Result<()> {
     File::open(&staged)?.sync_all()?;
     let folder = to.parent().ok_or_else(|| io::Error::new(io::ErrorKind::InvalidInput, "a file needs a folder"))?;
+    // A bare name has an empty parent, which no system call takes for the working folder.
+    let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
     std::fs::create_dir_all(folder)?;
     staged.persist(to).map_err(|e| e.error)?;
     File::open(folder)?.sync_all()

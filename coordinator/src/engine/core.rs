@@ -27,8 +27,6 @@ pub type Clock = Arc<dyn Fn() -> UnixMillis + Send + Sync>;
 const PLANS: usize = 8;
 /// Scenes kept decoded.
 const SCENES: usize = 2;
-/// Live views that are answered at the same time: each holds a scene, or some megabytes of segments.
-const LIVE: usize = 2;
 /// zstd's level for scenes and plans: written once, sent to every worker.
 const LEVEL: i32 = 3;
 
@@ -57,8 +55,6 @@ pub(super) struct Core {
     pub(super) counters: Counters,
     /// Chunks that are checked at the same time.
     pub(super) slots: Semaphore,
-    /// Answers for live views that are put together in memory at the same time.
-    pub(super) live: Semaphore,
     /// Held shared from writing a blob until a row names it, and alone while an unnamed blob is deleted.
     pub(super) gate: RwLock<()>,
     /// Peeking at work and claiming it is one step.
@@ -98,7 +94,6 @@ impl Core {
             signals: Signals::default(),
             counters: Counters::default(),
             slots,
-            live: Semaphore::new(LIVE),
             gate: RwLock::default(),
             leasing: tokio::sync::Mutex::default(),
             meter: Mutex::default(),

@@ -1,7 +1,6 @@
 //! Why the engine could not do what it was asked. Each variant is one kind of answer; `http::problem` maps them to statuses.
 
 use crate::{blob::BlobError, records::Problem, store::StoreError};
-use kiln_proto::format::stream::ReadError;
 use std::path::PathBuf;
 
 /// Why the engine could not do what it was asked.
@@ -64,9 +63,6 @@ pub enum EngineError {
     /// 500: the blob store failed.
     #[error("the blob store failed")]
     Blob(#[from] BlobError),
-    /// 500: a finished package cannot be read.
-    #[error("the package cannot be read")]
-    Package(#[from] ReadError),
     /// 500: stored bytes are not what they were when they were written, or a task panicked.
     #[error("{0}")]
     Broken(String),

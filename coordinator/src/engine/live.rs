@@ -1,8 +1,9 @@
 //! What a live view of a job needs: its scene with the plan as it is now, and the light of tiles that are done.
 //!
-//! Both come from the store and the blobs as they are; nothing is written. An answer is put together in memory, a few at a time, and stops at
-//! a number of bytes and of tiles, so that no request costs more than another however it is asked. Streaming lost: the scene's header holds
-//! a checksum of what follows, and the bytes of a segment are known only once its raw samples are left out.
+//! Both come from the store and the blobs as they are; nothing is written. An answer is put together in memory and stops at a number of bytes
+//! and of tiles; chunks are looked up shard by shard until there is enough, so that a request costs what it is answered and not what the job
+//! has. How many answers there are at a time is for who asks to limit. Streaming lost: the scene's header holds a checksum of what follows,
+//! and the bytes of a segment are known only once its raw samples are left out.
 
 use super::{
     Engine, EngineError,
@@ -12,6 +13,7 @@ use super::{
 };
 use crate::{
     blob::{BlobError, BlobName},
+    lease::SHARD_TILES,
     records::JobState,
     store::{ChunkRow, JobRow, PlanRef},
 };
@@ -65,7 +67,6 @@ impl Engine {
     /// Blobs that are gone.
     pub async fn live_scene_bytes(&self, live: &LiveScene) -> Result<Vec<u8>, EngineError> {
         let core = &self.core;
-        let _turn = turn(core).await?;
         let missing = || EngineError::NotFound { what: "scene", id: live.scene.to_string() };
         let blob = core.store.scene_by_hash(live.scene).await?.and_then(|row| row.canonical).ok_or_else(missing)?;
         let (scene, plan) = (core.load_compressed(blob).await?, core.load_compressed(live.plan.blob).await?);
@@ -85,46 +86,55 @@ impl Engine {
         if row.state.public() == JobState::Done {
             return Ok(Vec::new());
         }
-        let _turn = turn(core).await?;
-        let span = TileRun { start: first.start.min(STORED), end: last.end.min(STORED) };
-        let chunks = core.store.chunks(job, Phase::Bake, span).await?;
-        let mut reader = Reader { core, chunks: &chunks, entries: HashMap::new() };
-        let mut body = Vec::new();
-        for (tile, chunk) in schedule(&chunks, asked) {
-            let Some(segment) = reader.segment(chunk, tile).await? else { continue };
-            if !body.is_empty() && body.len() + segment.len() + 12 > most {
+        let (mut body, mut left) = (Vec::new(), TILES);
+        let end = last.end.min(row.tiles.0);
+        for shard in first.start / SHARD_TILES..end.div_ceil(SHARD_TILES) {
+            let span = TileRun { start: shard * SHARD_TILES, end: (shard + 1) * SHARD_TILES };
+            let wanted = asked.intersection(&TileRuns::from_run(span));
+            if wanted.is_empty() {
+                continue;
+            }
+            // A chunk lies within one shard.
+            let chunks = core.store.chunks(job, Phase::Bake, span).await?;
+            let (chunks, tiles) = blocking(move || {
+                let tiles = schedule(&chunks, &wanted, left);
+                (chunks, tiles)
+            })
+            .await?;
+            left -= tiles.len();
+            let mut reader = Reader { core, chunks: &chunks, entries: HashMap::new() };
+            for (tile, chunk) in tiles {
+                let Some(segment) = reader.segment(chunk, tile).await? else { continue };
+                if !body.is_empty() && body.len() + segment.len() + 12 > most {
+                    return Ok(body);
+                }
+                body.extend(tile.0.to_le_bytes());
+                body.extend((segment.len() as u32).to_le_bytes()); // At most SEGMENT_BYTES, 128 MiB.
+                body.extend(segment);
+            }
+            if left == 0 {
                 break;
             }
-            body.extend(tile.0.to_le_bytes());
-            body.extend((segment.len() as u32).to_le_bytes()); // At most SEGMENT_BYTES, 128 MiB.
-            body.extend(segment);
         }
         Ok(body)
     }
 }
 
-/// Tiles that a store can name end here.
-const STORED: u64 = i64::MAX as u64;
-
 async fn row(core: &Core, job: JobId) -> Result<JobRow, EngineError> {
     core.store.job(job).await?.ok_or_else(|| EngineError::NotFound { what: "job", id: job.to_string() })
 }
 
-async fn turn(core: &Core) -> Result<tokio::sync::SemaphorePermit<'_>, EngineError> {
-    core.live.acquire().await.map_err(|_| EngineError::Unavailable("it is shutting down"))
-}
-
-/// The first tiles that are asked for and done, in order, each with the position of its chunk.
-fn schedule(chunks: &[ChunkRow], asked: &TileRuns) -> Vec<(TileIndex, usize)> {
+/// The first tiles that are asked for and done, in order and at most `most`, each with the position of its chunk.
+fn schedule(chunks: &[ChunkRow], asked: &TileRuns, most: usize) -> Vec<(TileIndex, usize)> {
     let mut runs = Vec::new();
     for (chunk, row) in chunks.iter().enumerate() {
-        let wanted = row.accepted.minus(&row.accepted.minus(asked));
+        let wanted = row.accepted.intersection(asked);
         runs.extend(wanted.runs().iter().map(|run| (run.start, run.end, chunk)));
     }
     // A tile is accepted from one chunk only: the runs do not overlap.
     runs.sort_unstable();
     let tiles = runs.into_iter().flat_map(|(start, end, chunk)| (start..end).map(move |tile| (TileIndex(tile), chunk)));
-    tiles.take(TILES).collect()
+    tiles.take(most).collect()
 }
 
 /// Reads segments of chunks whose trailers it has looked up.
@@ -174,13 +184,13 @@ mod tests {
         let mut asked = TileRuns::new();
         asked.insert(TileRun { start: 2, end: 8 });
         asked.insert(TileRun { start: 11, end: 99 });
-        let found: Vec<(u64, usize)> = schedule(&chunks, &asked).into_iter().map(|(tile, chunk)| (tile.0, chunk)).collect();
+        let found: Vec<(u64, usize)> = schedule(&chunks, &asked, 100).into_iter().map(|(tile, chunk)| (tile.0, chunk)).collect();
         assert_eq!(found, [(2, 1), (3, 0), (7, 1), (11, 0)]);
     }
 
     #[test]
     fn one_answer_has_a_bounded_number_of_tiles() {
         let all = TileRuns::all(1_000_000);
-        assert_eq!(schedule(&[chunk(&[(0, 1_000_000)])], &all).len(), TILES);
+        assert_eq!(schedule(&[chunk(&[(0, 1_000_000)])], &all, TILES).len(), TILES);
     }
 }

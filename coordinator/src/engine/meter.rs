@@ -1,6 +1,8 @@
 //! How fast things go right now: rays and texels of each job and each worker over the last half minute, who was heard lately, how often
 //! attempts fail; and what was done over the last hour.
 //!
+//! What workers report is taken as it comes: sums saturate, so that no report, however wrong, stops the service.
+//!
 //! All of it is in memory and all of it may be lost: a restart forgets speeds, never work.
 
 use super::history::History;
@@ -38,7 +40,7 @@ impl Window {
 
     fn rates(&self, now: UnixMillis) -> Rates {
         let recent = self.samples.iter().filter(|(at, ..)| *at >= now - WINDOW);
-        let (rays, cost) = recent.fold((0u64, 0u64), |(r, c), (_, rays, cost)| (r + rays, c + cost));
+        let (rays, cost) = recent.fold((0u64, 0u64), |(r, c), (_, rays, cost)| (r.saturating_add(*rays), c.saturating_add(*cost)));
         let seconds = self.since.map_or(WINDOW, |since| (now - since).clamp(1_000, WINDOW)) as f64 / 1_000.0;
         Rates { rays: rays as f64 / seconds, cost: cost as f64 / seconds }
     }
@@ -83,15 +85,16 @@ impl Meter {
         let before = self.rays.insert(token, (job, total)).map_or(0, |(_, before)| before);
         let rays = total.saturating_sub(before);
         self.add(worker, job, rays, 0, now);
-        self.history.at(now).rays += rays;
+        let point = self.history.at(now);
+        point.rays = point.rays.saturating_add(rays);
     }
 
     /// Tiles worth `cost` texels were accepted.
     pub(super) fn accepted(&mut self, worker: WorkerId, job: JobId, tiles: u64, cost: u64, now: UnixMillis) {
         self.add(worker, job, 0, cost, now);
         let point = self.history.at(now);
-        point.tiles += tiles;
-        point.texels += cost;
+        point.tiles = point.tiles.saturating_add(tiles);
+        point.texels = point.texels.saturating_add(cost);
         if let Some(meter) = self.jobs.get_mut(&job) {
             meter.failures = 0;
         }
@@ -194,6 +197,18 @@ mod tests {
         meter.accepted(worker, job, 2, 64, 10_300);
         meter.forget(job);
         assert_eq!(meter.throughput(12_000), [ThroughputPoint { at_ms: 10_000, rays: 900, texels: 64, tiles: 2, workers: 1 }]);
+    }
+
+    #[test]
+    fn absurd_reports_are_added_up_without_overflow() {
+        let (mut meter, worker, job) = (Meter::default(), WorkerId::random(), JobId::random());
+        for _ in 0..2 {
+            meter.rays(Token::random(), worker, job, u64::MAX, 10_000);
+            meter.accepted(worker, job, u64::MAX, u64::MAX, 10_000);
+        }
+        let point = ThroughputPoint { at_ms: 10_000, rays: u64::MAX, texels: u64::MAX, tiles: u64::MAX, workers: 0 };
+        assert_eq!(meter.throughput(10_000), [point]);
+        assert_eq!(meter.rates(job, 10_000), Rates { rays: u64::MAX as f64, cost: u64::MAX as f64 });
     }
 
     #[test]

@@ -40,7 +40,7 @@ pub use crate::{
 pub use error::EngineError;
 pub use live::LiveScene;
 pub use open::Parts;
-pub use preview::StoredPackage;
+pub use preview::{PictureError, StoredPackage};
 pub use types::{Download, Estimate, JobPage, Statistics, UploadedFile};
 
 use self::core::Core;

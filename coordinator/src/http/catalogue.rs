@@ -91,6 +91,9 @@ kinds! {
     UnknownAsset "unknown-asset" NOT_FOUND "There is no such file in the package"
         "The package of this job has no file at that path."
         "GET /v1/jobs/{id}/assets lists the files.";
+    SceneTooLarge "scene-too-large" UNPROCESSABLE_ENTITY "The scene is too large for a picture made here"
+        "A picture would take more memory and time than the service has beside its other work; `detail` names the limit."
+        "Fetch the package and use `kiln render` on it, or look at it in a browser.";
     RangeNotSatisfiable "range-not-satisfiable" RANGE_NOT_SATISFIABLE "The range is not in the file"
         "The Range header is malformed or begins past the end. Content-Range gives the file's length."
         "Ask for `bytes=FIRST-LAST`, `bytes=FIRST-` or `bytes=-COUNT` within it.";

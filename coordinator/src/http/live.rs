@@ -2,6 +2,7 @@
 
 use super::{
     App,
+    admission::{Admission, Leave},
     assets::{REVALIDATE, explain, whole},
     catalogue::Kind,
     conditional::strong_etag,
@@ -10,8 +11,9 @@ use super::{
     tiles,
 };
 use axum::{
+    body::Body,
     extract::State,
-    http::{HeaderMap, header},
+    http::{HeaderMap, HeaderName, HeaderValue, header},
     response::{IntoResponse, Response},
 };
 use serde::Deserialize;
@@ -19,6 +21,10 @@ use utoipa::IntoParams;
 
 /// Segments one after another, each behind its tile and length.
 pub(super) const SEGMENTS: &str = "application/vnd.kiln.segments";
+/// Live views that are answered at the same time.
+const ACTIVE: usize = 4;
+/// Requests of live views that wait for their turn: pages ask again and again.
+const WAITING: usize = 16;
 /// Bytes of segments where the client does not say.
 const USUAL: usize = 16 << 20;
 /// Bytes of segments that a client may ask for at once.
@@ -35,7 +41,8 @@ pub(super) async fn scene(State(app): State<App>, JobInPath(job): JobInPath, hea
     match whole(&strong_etag(&live.digest().to_string()), REVALIDATE, &headers)? {
         Ok(headers) => {
             let media_type = [(header::CONTENT_TYPE, "application/octet-stream")];
-            Ok((headers, media_type, app.engine.live_scene_bytes(&live).await?).into_response())
+            let leave = app.live.leave().await?;
+            Ok((headers, media_type, held(leave, app.engine.live_scene_bytes(&live).await?)).into_response())
         }
         Err(held) => Ok(held),
     }
@@ -66,6 +73,17 @@ pub(super) async fn segments(State(app): State<App>, JobInPath(job): JobInPath, 
     if !(1..=MOST).contains(&most) {
         return Err(Failure::new(Kind::InvalidRequest, format!("max_bytes: {most}; expected 1 to {MOST}")).field("max_bytes"));
     }
+    let leave = app.live.leave().await?;
     let body = app.engine.live_segments(job, &asked, most).await?;
-    Ok(([(header::CONTENT_TYPE, SEGMENTS)], body).into_response())
+    Ok(([(header::CONTENT_TYPE, SEGMENTS)], held(leave, body)).into_response())
+}
+
+/// Who may be given what a live view needs: each holds a scene, or some megabytes of segments, until its client has taken them.
+pub(super) fn admission() -> Admission {
+    Admission::new("live views are answered", ACTIVE, WAITING)
+}
+
+/// A body that keeps its leave until it is gone, with its length.
+fn held(leave: Leave, bytes: Vec<u8>) -> ([(HeaderName, HeaderValue); 1], Body) {
+    ([(header::CONTENT_LENGTH, HeaderValue::from(bytes.len()))], leave.body(bytes))
 }

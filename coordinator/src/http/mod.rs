@@ -3,6 +3,7 @@
 //! Handlers translate: bytes to values, values to the engine, its answers and errors back to bytes. They hold no state and decide nothing
 //! about jobs. One file per resource; `routes` joins them, `problem` is the only place where an error becomes HTTP.
 
+mod admission;
 mod archive;
 mod assets;
 mod bakes;
@@ -39,7 +40,7 @@ pub use layers::HostPolicy;
 pub use openapi::openapi;
 pub use tiles::DoneTiles;
 
-use self::{catalogue::Kind, metrics::Metrics, pictures::Pictures, problem::Failure, routes::Routes};
+use self::{admission::Admission, catalogue::Kind, metrics::Metrics, pictures::Pictures, problem::Failure, routes::Routes};
 use crate::engine::Engine;
 use axum::{Router, extract::DefaultBodyLimit, middleware};
 use kiln_proto::limits;
@@ -65,12 +66,21 @@ struct App {
     closing: CancellationToken,
     chunk_slots: Arc<Semaphore>,
     pictures: Arc<Pictures>,
+    live: Arc<Admission>,
 }
 
 impl App {
     fn new(engine: Arc<Engine>, hosts: HostPolicy, closing: CancellationToken) -> Self {
         let slots = engine.config().chunks.concurrent as usize * SPOOLING_PER_CHECK;
-        Self { engine, metrics: Arc::default(), hosts, closing, chunk_slots: Arc::new(Semaphore::new(slots)), pictures: Arc::default() }
+        Self {
+            engine,
+            metrics: Arc::default(),
+            hosts,
+            closing,
+            chunk_slots: Arc::new(Semaphore::new(slots)),
+            pictures: Arc::default(),
+            live: Arc::new(live::admission()),
+        }
     }
 
     fn router(self) -> Router {

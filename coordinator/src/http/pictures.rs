@@ -1,60 +1,37 @@
-//! Rendered pictures: how many are made at a time, how many wait, and the last ones in memory.
+//! Rendered pictures: leave to make them, and the last ones in memory.
 //!
-//! A picture costs every core for a second, and pages ask for the same few. So two are made at a time, a few more wait, and the rest are told
-//! to come back: a service whose renderer has a long queue answers nobody in time. The cache is small, in memory and lost with the
-//! process; on disk it would need a place in the store's bookkeeping for what can be made again at any time.
+//! A picture costs every core for a second, and pages ask for the same few. So two are made at a time, and the last ones are kept. The cache is
+//! small, in memory and lost with the process; on disk it would need a place in the store's bookkeeping for what can be made again at any
+//! time.
 
-use super::{
-    catalogue::Kind,
-    problem::{Answer, Failure},
-};
+use super::admission::Admission;
 use bytes::Bytes;
 use std::{
     collections::VecDeque,
-    sync::{Arc, Mutex, MutexGuard, PoisonError},
+    sync::{Mutex, MutexGuard, PoisonError},
 };
-use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 
 /// Pictures that are made at the same time.
 const MAKING: usize = 2;
-/// Pictures that are made or wait to be.
-const ADMITTED: usize = MAKING + 6;
+/// Pictures that wait to be made.
+const WAITING: usize = 6;
 /// Bytes of pictures that are kept.
 const KEPT: usize = 32 << 20;
-/// Seconds after which a picture that was not admitted may be asked for again.
-const RETRY: u64 = 2;
 
 /// What is known of pictures.
 pub(super) struct Pictures {
-    admitted: Arc<Semaphore>,
-    making: Arc<Semaphore>,
+    /// Who may make one.
+    pub(super) admission: Admission,
     kept: Mutex<Kept>,
-}
-
-/// Leave to make one picture; dropping it lets the next begin.
-pub(super) struct Leave {
-    _permits: [OwnedSemaphorePermit; 2],
 }
 
 impl Default for Pictures {
     fn default() -> Self {
-        let slots = |n| Arc::new(Semaphore::new(n));
-        Self { admitted: slots(ADMITTED), making: slots(MAKING), kept: Mutex::new(Kept::new(KEPT)) }
+        Self { admission: Admission::new("pictures are wanted", MAKING, WAITING), kept: Mutex::new(Kept::new(KEPT)) }
     }
 }
 
 impl Pictures {
-    /// Waits for leave to make a picture.
-    ///
-    /// # Errors
-    /// [`Kind::Busy`] where too many wait already.
-    pub(super) async fn leave(&self) -> Answer<Leave> {
-        let busy = || Failure::new(Kind::Busy, "too many pictures are being rendered").retry_after(RETRY);
-        let admitted = Arc::clone(&self.admitted).try_acquire_owned().map_err(|_| busy())?;
-        let making = Arc::clone(&self.making).acquire_owned().await.map_err(Failure::internal)?;
-        Ok(Leave { _permits: [admitted, making] })
-    }
-
     /// The picture with this entity tag, where it is kept.
     pub(super) fn find(&self, etag: &str) -> Option<Bytes> {
         self.kept().find(etag)
@@ -122,28 +99,5 @@ mod tests {
         assert_eq!((kept.find("huge"), kept.bytes), (None, 8));
         kept.keep("all".into(), png(10));
         assert_eq!((kept.pictures.len(), kept.bytes), (1, 10));
-    }
-
-    #[tokio::test]
-    async fn two_are_made_some_wait_and_more_are_told_to_come_back() {
-        let pictures = Arc::new(Pictures::default());
-        let first = pictures.leave().await.unwrap();
-        let _second = pictures.leave().await.unwrap();
-        let mut waiting: Vec<_> = (2..ADMITTED)
-            .map(|_| {
-                let pictures = Arc::clone(&pictures);
-                Box::pin(async move { pictures.leave().await })
-            })
-            .collect();
-        for one in &mut waiting {
-            assert!(futures_util::poll!(one.as_mut()).is_pending());
-        }
-        let refused = pictures.leave().await.err().unwrap();
-        assert_eq!(refused.kind(), Kind::Busy);
-        drop(first);
-        let third = futures_util::poll!(waiting[0].as_mut());
-        assert!(third.is_ready() && futures_util::poll!(waiting[1].as_mut()).is_pending());
-        drop(third);
-        assert!(futures_util::poll!(waiting[1].as_mut()).is_ready());
     }
 }

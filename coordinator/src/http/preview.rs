@@ -2,6 +2,8 @@
 //!
 //! The entity tag is known before the picture is: it is a hash of the package's hash, the parameters as they were understood and the
 //! renderer's version. Whoever holds the picture costs a look into the store; the same view, written in another way, is the same picture.
+//!
+//! A picture that nobody waits for any more is given up, and so is one that takes longer than [`DEADLINE`]: the cores belong to the bake.
 
 use super::{
     App,
@@ -12,12 +14,13 @@ use super::{
     problem::{Answer, Failure},
 };
 use crate::{
-    engine::EngineError,
-    preview::{BadView, RENDERER_VERSION, View},
+    engine::PictureError,
+    preview::{BadView, RENDERER_VERSION, Stop, Stopped, View},
 };
 use axum::{
+    body::Body,
     extract::State,
-    http::{HeaderMap, HeaderValue, StatusCode, header},
+    http::{HeaderMap, HeaderValue, Method, StatusCode, header},
     response::{IntoResponse, Response},
 };
 use bytes::Bytes;
@@ -26,9 +29,16 @@ use kiln_proto::{
     ids::JobId,
 };
 use serde::Deserialize;
-use std::sync::Arc;
+use std::{
+    sync::Arc,
+    time::{Duration, Instant},
+};
 use utoipa::IntoParams;
 
+/// How long a picture may take once it is its turn.
+const DEADLINE: Duration = Duration::from_secs(20);
+/// Seconds after which a picture that was given up may be asked for again.
+const RETRY: u64 = 2;
 /// A package does not change, but the renderer may, with a new version of the service.
 const CACHING: &str = "private, max-age=3600";
 
@@ -58,6 +68,9 @@ pub(super) struct PictureQuery {
     /// `light-field`, the default: as it looks from the eye; `diffuse`: without what depends on the eye.
     #[param(example = "light-field")]
     pub mode: Option<String>,
+    /// Rays along each side of a pixel, 1 to 4, which show its mean; by default 2, and 1 above the default size. At most 8388608 rays in all.
+    #[param(example = "2")]
+    pub antialias: Option<String>,
 }
 
 impl PictureQuery {
@@ -70,6 +83,7 @@ impl PictureQuery {
             "h" => &self.h,
             "exposure" => &self.exposure,
             "mode" => &self.mode,
+            "antialias" => &self.antialias,
             _ => &None,
         };
         field.clone()
@@ -90,6 +104,7 @@ pub(super) async fn picture(
     State(app): State<App>,
     JobInPath(job): JobInPath,
     Query(query): Query<PictureQuery>,
+    method: Method,
     headers: HeaderMap,
 ) -> Answer<Response> {
     let view = View::from_query(|name| query.text(name)).map_err(|error| refused(&error))?;
@@ -109,11 +124,14 @@ pub(super) async fn picture(
         }
         Decision::Whole | Decision::Part(_) | Decision::NotSatisfiable => {}
     }
+    answer.insert(header::CONTENT_TYPE, HeaderValue::from_static("image/png"));
+    if method == Method::HEAD {
+        return Ok((answer, Body::empty()).into_response()); // How long it is would be known only once it is made.
+    }
     let png = match app.pictures.find(&etag) {
         Some(png) => png,
         None => make(&app, job, view, etag).await?,
     };
-    answer.insert(header::CONTENT_TYPE, HeaderValue::from_static("image/png"));
     Ok((answer, png).into_response())
 }
 
@@ -123,24 +141,49 @@ fn tag(package: PackageHash, view: &View) -> Answer<String> {
     Ok(Sha256Hex::of(format!("renderer {RENDERER_VERSION}\n{package}\n{view}").as_bytes()).to_string())
 }
 
-/// Renders the picture and keeps it. A client that goes away in between finds it when it comes back.
+/// Makes the picture and keeps it.
 async fn make(app: &App, job: JobId, view: View, etag: String) -> Answer<Bytes> {
-    let leave = app.pictures.leave().await?;
+    let leave = app.pictures.admission.leave().await?;
     if let Some(png) = app.pictures.find(&etag) {
         return Ok(png); // Someone else wanted it, too.
     }
     let package = app.engine.stored_package(job).await?;
+    // Cancelled by the end of the service and, when this is dropped because the client has gone, by the guard.
+    let unwanted = app.closing.child_token();
+    let stop = Stop::new(unwanted.clone(), Instant::now() + DEADLINE);
+    let _gone = unwanted.drop_guard();
     let pictures = Arc::clone(&app.pictures);
-    let made = tokio::task::spawn_blocking(move || -> Result<_, EngineError> {
-        let png = package.picture(&view)?.map(Bytes::from);
-        if let Ok(png) = &png {
-            pictures.keep(etag, png.clone());
-        }
+    let made = tokio::task::spawn_blocking(move || {
+        let png = Bytes::from(package.picture(&view, &stop)?);
+        pictures.keep(etag, png.clone());
         drop(leave);
-        Ok(png)
+        Ok::<_, PictureError>(png)
     });
-    let made = made.await.map_err(Failure::internal)??;
-    made.map_err(|error| refused(&error.into()))
+    match made.await.map_err(Failure::internal)? {
+        Ok(png) => Ok(png),
+        Err(error) => Err(failure(app, job, error).await),
+    }
+}
+
+/// What a client is told about a picture that there is not.
+pub(super) async fn failure(app: &App, job: JobId, error: PictureError) -> Failure {
+    let detail = error.to_string();
+    match error {
+        PictureError::View(error) => refused(&error.into()),
+        PictureError::SceneTooLarge { .. } => Failure::new(Kind::SceneTooLarge, detail),
+        PictureError::Stopped(Stopped::Late) => {
+            let seconds = DEADLINE.as_secs();
+            let detail = format!("{detail}: more than {seconds} s; ask for fewer pixels or a smaller `antialias`, or when less is baked");
+            Failure::new(Kind::Busy, detail).retry_after(RETRY)
+        }
+        PictureError::Stopped(Stopped::Unwanted) => Failure::new(Kind::Busy, "the service is shutting down").retry_after(RETRY),
+        // Files that go while they are read are those of a job that was deleted meanwhile.
+        PictureError::Package(_) => match app.engine.package_hash(job).await {
+            Ok(_) => Failure::internal(error),
+            Err(gone) => explain(app, job, gone).await,
+        },
+        PictureError::Png(_) => Failure::internal(error),
+    }
 }
 
 fn refused(error: &BadView) -> Failure {

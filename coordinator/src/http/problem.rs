@@ -220,7 +220,6 @@ impl From<EngineError> for Failure {
             | EngineError::DataFolder { .. }
             | EngineError::Store(_)
             | EngineError::Blob(_)
-            | EngineError::Package(_)
             | EngineError::Broken(_)) => Failure::internal(other),
         }
     }

@@ -185,4 +185,4 @@ const PAGE: &[Kind] = &[Kind::PreconditionFailed];
 const FILE: &[Kind] = &[Kind::UnknownJob, Kind::UnknownAsset, Kind::JobNotDone, Kind::PreconditionFailed, Kind::RangeNotSatisfiable];
 const SCENE: &[Kind] = &[Kind::UnknownJob, Kind::JobNotDone, Kind::PreconditionFailed];
 const ARCHIVE: &[Kind] = &[Kind::UnknownJob, Kind::JobNotDone, Kind::PreconditionFailed];
-const PICTURE: &[Kind] = &[Kind::UnknownJob, Kind::JobNotDone, Kind::InvalidRequest, Kind::PreconditionFailed];
+const PICTURE: &[Kind] = &[Kind::UnknownJob, Kind::JobNotDone, Kind::InvalidRequest, Kind::PreconditionFailed, Kind::SceneTooLarge];

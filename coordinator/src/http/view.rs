@@ -1,7 +1,8 @@
 //! A package in the viewer, served from its folder without a farm: what `kiln view` runs.
 //!
-//! Only what the manifest names is served, by its name, from a place inside the folder: neither `..` nor a link leads out. The manifest is
-//! read once, at the start; its hashes are the entity tags, as in `assets`. Any static web server can do the same for an exported viewer; this
+//! Only what the manifest names is served, by its name, from a place inside the folder: neither `..` nor a link leads out. The manifest's
+//! hashes are the entity tags, as in `assets`; each request looks whether it is still the file that was read, so that a browser is not told
+//! to keep what was baked anew. Hashing the files themselves would read gigabytes to say the same. Any static web server can do the same for an exported viewer; this
 //! one needs no setting up, sends the same headers as the service and admits the same hosts.
 
 use super::{
@@ -11,7 +12,7 @@ use super::{
     conditional::strong_etag,
     extract::Path,
     layers, page,
-    problem::{Answer, Failure},
+    problem::{Answer, Failure, chain},
 };
 use crate::records::PackageFile;
 use axum::{
@@ -23,13 +24,15 @@ use axum::{
     response::{IntoResponse, Response},
     routing::get,
 };
-use kiln_proto::format::manifest::{self, Manifest, Sha256Hex};
+use kiln_proto::format::manifest::{self, Manifest, ManifestError, Sha256Hex};
 use serde::Deserialize;
 use std::{
     collections::BTreeMap,
     io::{self, SeekFrom},
+    os::unix::fs::MetadataExt,
     path::{Path as FsPath, PathBuf},
-    sync::Arc,
+    sync::{Arc, Mutex, PoisonError},
+    time::SystemTime,
 };
 use tokio::{
     io::{AsyncReadExt, AsyncSeekExt},
@@ -46,9 +49,20 @@ pub const PACKAGE_FOLDER: &str = "package";
 pub struct ViewedPackage {
     /// Without links in it.
     root: PathBuf,
+    /// The manifest as it was last read.
+    known: Mutex<Arc<Contents>>,
+}
+
+/// What a manifest says, and which file said it.
+#[derive(Debug)]
+struct Contents {
+    stamp: Stamp,
     manifest: Bytes,
     files: BTreeMap<String, PackageFile>,
 }
+
+/// Tells one state of a file from another: when it was written, how long it is, and which file it is.
+type Stamp = (Option<SystemTime>, u64, u64);
 
 /// Why a folder cannot be viewed.
 #[derive(Debug, thiserror::Error)]
@@ -71,7 +85,7 @@ pub enum ViewError {
         path: PathBuf,
         /// Why.
         #[source]
-        source: serde_json::Error,
+        source: ManifestError,
     },
     /// The disk.
     #[error("{} cannot be read", path.display())]
@@ -93,21 +107,19 @@ impl ViewedPackage {
         let candidates = [folder.to_owned(), folder.join(PACKAGE_FOLDER)];
         let found = candidates.into_iter().find(|root| root.join(manifest::PATH).is_file());
         let root = found.ok_or_else(|| ViewError::NoPackage(folder.to_owned()))?;
-        let path = root.join(manifest::PATH);
-        let unreadable = |source| ViewError::Read { path: path.clone(), source };
-        let found = std::fs::metadata(&path).map_err(unreadable)?.len();
-        if found > manifest::MAX_BYTES {
-            return Err(ViewError::TooLarge { path, found });
+        let root = root.canonicalize().map_err(|source| ViewError::Read { path: root.clone(), source })?;
+        let known = Mutex::new(Arc::new(Contents::read(&root)?));
+        Ok(Self { root, known })
+    }
+
+    /// What the manifest says now. Blocks: asks the disk for one file's times, and reads the file when they have changed.
+    fn contents(&self) -> Result<Arc<Contents>, ViewError> {
+        // What is behind the lock is replaced whole, or not at all.
+        let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
+        if stamp(&self.root.join(manifest::PATH))? != known.stamp {
+            *known = Arc::new(Contents::read(&self.root)?);
         }
-        let bytes = std::fs::read(&path).map_err(unreadable)?;
-        let root = root.canonicalize().map_err(unreadable)?;
-        let manifest: Manifest = serde_json::from_slice(&bytes).map_err(|source| ViewError::Manifest { path, source })?;
-        let files = manifest.files.into_iter().map(|file| {
-            let entry =
-                PackageFile { path: file.path.clone(), media_type: file.media_type, bytes: file.bytes, sha256: file.sha256.to_string() };
-            (file.path, entry)
-        });
-        Ok(Self { root, files: files.collect(), manifest: bytes.into() })
+        Ok(Arc::clone(&known))
     }
 
     /// Where a file of the package is, if it is inside the folder and as long as the manifest says.
@@ -118,6 +130,30 @@ impl ViewedPackage {
         let right = path.starts_with(&self.root) && there.is_file() && there.len() == file.bytes;
         if right { Ok(path) } else { Err(gone()) }
     }
+}
+
+impl Contents {
+    fn read(root: &FsPath) -> Result<Self, ViewError> {
+        let path = root.join(manifest::PATH);
+        // Taken first: a file that changes while it is read is read again next time.
+        let stamp = stamp(&path)?;
+        if stamp.1 > manifest::MAX_BYTES {
+            return Err(ViewError::TooLarge { path, found: stamp.1 });
+        }
+        let bytes = std::fs::read(&path).map_err(|source| ViewError::Read { path: path.clone(), source })?;
+        let manifest = Manifest::from_bytes(&bytes).map_err(|source| ViewError::Manifest { path, source })?;
+        let files = manifest.files.into_iter().map(|file| {
+            let entry =
+                PackageFile { path: file.path.clone(), media_type: file.media_type, bytes: file.bytes, sha256: file.sha256.to_string() };
+            (file.path, entry)
+        });
+        Ok(Self { stamp, files: files.collect(), manifest: bytes.into() })
+    }
+}
+
+fn stamp(path: &FsPath) -> Result<Stamp, ViewError> {
+    let found = std::fs::metadata(path).map_err(|source| ViewError::Read { path: path.to_owned(), source })?;
+    Ok((found.modified().ok(), found.len(), found.ino()))
 }
 
 /// Serves the viewer with `package` on `listener` until `shutdown` is cancelled. A loopback listener admits only loopback names.
@@ -152,10 +188,14 @@ struct FilePath {
 }
 
 async fn file(State(package): State<Arc<ViewedPackage>>, Path(FilePath { path }): Path<FilePath>, request: Request) -> Answer<Response> {
+    let viewed = Arc::clone(&package);
+    let contents = tokio::task::spawn_blocking(move || viewed.contents()).await.map_err(Failure::internal)?;
+    let contents =
+        contents.map_err(|error| Failure::new(Kind::NotFound, format!("the package is no longer what it was: {}", chain(&error))))?;
     if path == manifest::PATH {
-        return send_manifest(&package, request.headers());
+        return send_manifest(&contents, request.headers());
     }
-    let named = package.files.get(&path);
+    let named = contents.files.get(&path);
     let file = named.ok_or_else(|| Failure::new(Kind::NotFound, "the manifest names no file of this path"))?;
     let place = package.locate(file).await?;
     let (status, headers, range) = head(file, REVALIDATE, request.headers())?;
@@ -170,10 +210,10 @@ async fn file(State(package): State<Arc<ViewedPackage>>, Path(FilePath { path })
     Ok((status, headers, body).into_response())
 }
 
-fn send_manifest(package: &ViewedPackage, asked: &HeaderMap) -> Answer<Response> {
-    let etag = strong_etag(&Sha256Hex::of(&package.manifest).to_string());
+fn send_manifest(contents: &Contents, asked: &HeaderMap) -> Answer<Response> {
+    let etag = strong_etag(&Sha256Hex::of(&contents.manifest).to_string());
     Ok(match whole(&etag, REVALIDATE, asked)? {
-        Ok(headers) => (headers, [(header::CONTENT_TYPE, "application/json")], package.manifest.clone()).into_response(),
+        Ok(headers) => (headers, [(header::CONTENT_TYPE, "application/json")], contents.manifest.clone()).into_response(),
         Err(held) => held,
     })
 }

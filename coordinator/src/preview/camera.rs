@@ -9,6 +9,10 @@ use std::{fmt, str::FromStr};
 pub const SIDE: u32 = 4_096;
 /// Pixels of a picture, at most.
 pub const PIXELS: u64 = 8_388_608;
+/// Rays along each side of a pixel, at most.
+pub const ANTIALIAS: u32 = 4;
+/// Rays along each side of a pixel where nobody says how many.
+pub const DEFAULT_ANTIALIAS: u32 = 2;
 /// The vertical field of view where none is said, degrees.
 pub const DEFAULT_FOV: f32 = 45.0;
 /// The smallest and the largest vertical field of view, degrees.
@@ -84,7 +88,7 @@ pub enum BadCamera {
         height: u32,
     },
     /// A coordinate that is no number, or so large that nothing can be computed with it.
-    #[error("{what} {at}: coordinates must be finite and at most {FARTHEST:e} m from 0")]
+    #[error("{what} {}", not_finite(*.at))]
     NotFinite {
         /// `eye` or `target`.
         what: &'static str,
@@ -96,6 +100,17 @@ pub enum BadCamera {
     NoDirection {
         /// Where.
         at: Vec3,
+    },
+    /// A default view from farther away than anything can be computed from.
+    #[error(
+        "in a picture of {size} pixels with a field of view of {fov} degrees, the whole scene is seen only from farther than {FARTHEST:e} m; \
+             widen the field of view, make the picture less narrow, or say where the eye is"
+    )]
+    TooFar {
+        /// Degrees.
+        fov: f32,
+        /// The picture's size.
+        size: PictureSize,
     },
     /// An angle out of range.
     #[error("a vertical field of view of {fov} degrees; from {} to {} are possible", FOV.start(), FOV.end())]
@@ -157,6 +172,11 @@ impl Camera {
         self.size
     }
 
+    /// The same view through `rays` x `rays` pixels in the place of each: its size is that of no picture, and beyond the limits.
+    pub(super) fn finer(&self, rays: u32) -> Self {
+        Self { size: PictureSize { width: self.size.width * rays, height: self.size.height * rays }, ..*self }
+    }
+
     /// The unit direction through the middle of a pixel; (0, 0) is the upper left one.
     #[must_use]
     pub fn direction(&self, x: u32, y: u32) -> Vec3 {
@@ -170,8 +190,7 @@ impl Camera {
 /// What can be said against a camera before it is known where it stands when nobody says so.
 pub(super) fn check(eye: Option<Vec3>, target: Option<Vec3>, fov: f32) -> Result<(), BadCamera> {
     for (what, at) in [("eye", eye), ("target", target)] {
-        // NaN compares false.
-        if let Some(at) = at.filter(|at| !at.abs().to_array().iter().all(|c| *c <= FARTHEST)) {
+        if let Some(at) = at.filter(|at| !is_near(*at)) {
             return Err(BadCamera::NotFinite { what, at });
         }
     }
@@ -180,6 +199,16 @@ pub(super) fn check(eye: Option<Vec3>, target: Option<Vec3>, fov: f32) -> Result
         (Some(eye), Some(target)) if eye == target => Err(BadCamera::NoDirection { at: eye }),
         _ => Ok(()),
     }
+}
+
+/// Whether a point is one that can be computed with; NaN compares false.
+pub(super) fn is_near(at: Vec3) -> bool {
+    at.abs().to_array().iter().all(|c| *c <= FARTHEST)
+}
+
+/// What is wrong with a point that is not, without the name that it was given under.
+pub(super) fn not_finite(at: Vec3) -> String {
+    format!("{at}: coordinates must be finite and at most {FARTHEST:e} m from 0")
 }
 
 /// Half the width and height of the picture at distance 1.

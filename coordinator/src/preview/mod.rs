@@ -8,38 +8,85 @@
 pub mod camera;
 mod frame;
 mod light;
+mod picture;
 mod shade;
+mod stop;
 pub mod view;
 mod visibility;
 
 pub use camera::{BadCamera, Camera, PictureSize};
 pub use frame::{BACKGROUND, Frame, Pixel};
 pub use light::{Light, Origin, PackageFiles};
+pub use picture::Picture;
+pub use stop::{Stop, Stopped};
 pub use view::{BadView, Mode, View};
 
 #[cfg(test)]
 mod tests;
 
+use self::picture::Display;
 use kiln_proto::{format::stream::ReadError, plan::Plan, scene::Scene};
 
 /// A number that changes whenever pictures of the same package and view may change: part of every entity tag.
 pub const RENDERER_VERSION: u32 = 1;
 
-/// Pixels of one band: some 260 bytes each for what they see, need and find, so about 32 MiB.
+/// Rays of one band, at least one row of pixels: some 260 bytes each for what they see, need and find, so about 32 MiB.
 const BAND_PIXELS: usize = 1 << 17;
 
-/// Renders what `camera` sees. Threads: rayon's pool.
+/// Why there is no picture.
+#[derive(Debug, thiserror::Error)]
+pub enum RenderError {
+    /// A file of the package cannot be read or is damaged.
+    #[error(transparent)]
+    Read(#[from] ReadError),
+    /// It was given up.
+    #[error(transparent)]
+    Stopped(#[from] Stopped),
+}
+
+/// Finds what `camera` sees, one ray a pixel, in linear radiance. Threads: rayon's pool. Memory: 20 bytes a pixel, and that of a band.
 ///
 /// # Errors
 /// Files of the package that cannot be read or are damaged.
-pub fn render(scene: &Scene, plan: &Plan, light: &mut Light<'_>, camera: &Camera, mode: Mode) -> Result<Frame, ReadError> {
-    let stage = visibility::Stage::new(scene, plan, camera.eye());
-    let mut frame = Frame::new(camera.size(), plan.exposure());
-    let rows = (BAND_PIXELS / camera.size().width as usize).max(1) as u32;
-    for first in (0..camera.size().height).step_by(rows as usize) {
-        let seen = stage.look(camera, first..(first + rows).min(camera.size().height));
-        let radiance = shade::shade(plan, light, &seen, mode)?;
-        frame.extend(&seen, &radiance);
-    }
+pub fn render(scene: &Scene, plan: &Plan, light: &mut Light<'_>, camera: &Camera, mode: Mode) -> Result<Frame, RenderError> {
+    let mut frame = Frame::new(camera.size());
+    let bands = Bands { scene, plan, mode, stop: &Stop::default() };
+    bands.each(light, camera, 1, |pixels| frame.extend(pixels))?;
     Ok(frame)
+}
+
+/// Draws a view for the eye: `camera` is that of `view` in this scene. Threads: rayon's pool. Memory: 3 bytes a pixel, and that of a band.
+///
+/// # Errors
+/// As [`render`], and a picture that was given up.
+pub fn draw(scene: &Scene, plan: &Plan, light: &mut Light<'_>, camera: &Camera, view: &View, stop: &Stop) -> Result<Picture, RenderError> {
+    let mut picture = Picture::new(camera.size());
+    let display = Display::new(plan.exposure(), view.exposure, view.antialias);
+    let bands = Bands { scene, plan, mode: view.mode, stop };
+    bands.each(light, &camera.finer(view.antialias), view.antialias, |rays| picture.extend(rays, display))?;
+    Ok(picture)
+}
+
+/// What is gone through in bands.
+struct Bands<'a> {
+    scene: &'a Scene,
+    plan: &'a Plan,
+    mode: Mode,
+    stop: &'a Stop,
+}
+
+impl Bands<'_> {
+    /// Hands over the rays of `camera`, some rows at a time, their number a multiple of `step`.
+    fn each(&self, light: &mut Light<'_>, camera: &Camera, step: u32, mut take: impl FnMut(&[Pixel])) -> Result<(), RenderError> {
+        self.stop.check()?;
+        let stage = visibility::Stage::new(self.scene, self.plan, camera.eye());
+        let PictureSize { width, height } = camera.size();
+        let rows = (BAND_PIXELS / (width * step) as usize).max(1) as u32 * step;
+        for first in (0..height).step_by(rows as usize) {
+            let seen = stage.look(camera, first..(first + rows).min(height), self.stop)?;
+            let radiance = shade::shade(self.plan, light, &seen, self.mode, self.stop)?;
+            take(&frame::pixels(&seen, &radiance).collect::<Vec<_>>());
+        }
+        Ok(())
+    }
 }

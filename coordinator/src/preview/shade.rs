@@ -4,7 +4,9 @@
 //! pixels' own places, and each pixel adds its four up in the footprint's order: the picture does not depend on how many threads there are.
 
 use super::{
+    RenderError,
     light::{Block, Light, SurfaceLight, TexelLight},
+    stop::Stop,
     view::Mode,
     visibility::Seen,
 };
@@ -35,17 +37,28 @@ struct Need {
 /// A texel's light toward one pixel, with the slot that it belongs to.
 type Found = (u32, Rgb);
 
-/// The radiance of each pixel toward the eye; `None` where nothing is seen or the light field has nothing.
-pub(super) fn shade(plan: &Plan, light: &mut Light<'_>, seen: &[Option<Seen>], mode: Mode) -> Result<Vec<Option<Rgb>>, ReadError> {
+/// The radiance of each pixel toward the eye; `None` where nothing is seen or the light field has nothing. Asks before each read whether to go on.
+pub(super) fn shade(
+    plan: &Plan,
+    light: &mut Light<'_>,
+    seen: &[Option<Seen>],
+    mode: Mode,
+    stop: &Stop,
+) -> Result<Vec<Option<Rgb>>, RenderError> {
     let mut needs: Vec<Need> = seen.par_iter().enumerate().flat_map_iter(|(pixel, seen)| needs_of(plan, pixel, seen.as_ref())).collect();
     needs.par_sort_unstable();
     let shader = Shader { stencils: stencils(plan, seen, mode), mean: DiffuseMean::new(plan.settings.directions), mode };
     let mut found: Vec<Option<Rgb>> = vec![None; 4 * seen.len()];
     for needs in needs.chunk_by(|a, b| a.surface == b.surface) {
+        stop.check()?;
         let surface = light.surface(needs[0].surface as usize)?;
         let most = (READ / surface.texel_bytes()).max(1);
         let parts: Vec<&[Need]> = join(needs, most);
-        let parts = parts.into_par_iter().map(|part| shader.run(&surface, part)).collect::<Result<Vec<_>, _>>()?;
+        let shaded = |part| {
+            stop.check()?;
+            shader.run(&surface, part).map_err(RenderError::from)
+        };
+        let parts = parts.into_par_iter().map(shaded).collect::<Result<Vec<_>, _>>()?;
         parts.into_iter().flatten().for_each(|(slot, rgb)| found[slot as usize] = Some(rgb));
     }
     let blend = |(seen, found): (&Option<Seen>, &[Option<Rgb>])| {

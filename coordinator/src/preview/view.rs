@@ -1,6 +1,8 @@
 //! What someone asks to see, as text and as values: one set of checks for the command line and for HTTP.
 
-use super::camera::{BadCamera, Camera, DEFAULT_FOV, PictureSize, check, default_view};
+use super::camera::{
+    ANTIALIAS, BadCamera, Camera, DEFAULT_ANTIALIAS, DEFAULT_FOV, PIXELS, PictureSize, check, default_view, is_near, not_finite,
+};
 use glam::Vec3;
 use kiln_proto::scene::Scene;
 use serde::{Deserialize, Serialize};
@@ -35,11 +37,21 @@ pub struct View {
     pub exposure: f32,
     /// What light it shows.
     pub mode: Mode,
+    /// Rays along each side of a pixel, 1 to [`ANTIALIAS`]; a pixel is their mean.
+    pub antialias: u32,
 }
 
 impl Default for View {
     fn default() -> Self {
-        Self { eye: None, target: None, fov: DEFAULT_FOV, size: PictureSize::default(), exposure: 0.0, mode: Mode::default() }
+        Self {
+            eye: None,
+            target: None,
+            fov: DEFAULT_FOV,
+            size: PictureSize::default(),
+            exposure: 0.0,
+            mode: Mode::default(),
+            antialias: DEFAULT_ANTIALIAS,
+        }
     }
 }
 
@@ -60,9 +72,14 @@ impl From<BadCamera> for BadView {
             BadCamera::Size { .. } => "h",
             BadCamera::NotFinite { what, .. } => what,
             BadCamera::NoDirection { .. } => "eye",
-            BadCamera::Fov { .. } => "fov",
+            BadCamera::Fov { .. } | BadCamera::TooFar { .. } => "fov",
         };
-        Self { field, message: error.to_string() }
+        let message = match error {
+            // The field says which.
+            BadCamera::NotFinite { at, .. } => not_finite(at),
+            _ => error.to_string(),
+        };
+        Self { field, message }
     }
 }
 
@@ -84,17 +101,32 @@ impl View {
             size: PictureSize::new(width.unwrap_or(default.size.width), height.unwrap_or(default.size.height))?,
             exposure: read("exposure", text("exposure"), exposure)?.unwrap_or(default.exposure),
             mode: read("mode", text("mode"), str::parse)?.unwrap_or(default.mode),
+            antialias: 1,
         };
         check(view.eye, view.target, view.fov)?;
-        Ok(view)
+        let antialias = match read("antialias", text("antialias"), antialias)? {
+            Some(rays) => rays,
+            // What nobody asked for makes no large picture four times as dear.
+            None if view.size.pixels() > default.size.pixels() => 1,
+            None => default.antialias,
+        };
+        let rays = view.size.pixels() as u64 * u64::from(antialias * antialias);
+        if rays > PIXELS {
+            let message = format!("{} pixels of {antialias} x {antialias} rays are {rays} rays; at most {PIXELS} are possible", view.size);
+            return Err(BadView { field: "antialias", message });
+        }
+        Ok(Self { antialias, ..view })
     }
 
     /// The camera of this view in a scene: what is not said is as in the default view.
     ///
     /// # Errors
-    /// Values out of their ranges, an eye that is where the target is.
+    /// Values out of their ranges, an eye that is where the target is, a default eye that would be too far away.
     pub fn camera(&self, scene: &Scene) -> Result<Camera, BadCamera> {
         let (eye, target) = default_view(scene, self.fov, self.size)?;
+        if self.eye.is_none() && !is_near(eye) {
+            return Err(BadCamera::TooFar { fov: self.fov, size: self.size });
+        }
         Camera::new(self.eye.unwrap_or(eye), self.target.unwrap_or(target), self.fov, self.size)
     }
 }
@@ -127,6 +159,15 @@ pub fn number(text: &str) -> Result<f32, String> {
 pub fn exposure(text: &str) -> Result<f32, String> {
     let stops = number(text)?;
     if stops.abs() <= EXPOSURE { Ok(stops) } else { Err(format!("`{}`: expected -{EXPOSURE} to {EXPOSURE} stops", short(text))) }
+}
+
+/// A number of rays along each side of a pixel.
+///
+/// # Errors
+/// A sentence that says what is expected.
+pub fn antialias(text: &str) -> Result<u32, String> {
+    let rays = text.parse().ok().filter(|rays| (1..=ANTIALIAS).contains(rays));
+    rays.ok_or_else(|| format!("`{}`: expected 1 to {ANTIALIAS} rays along each side of a pixel", short(text)))
 }
 
 fn side(text: &str) -> Result<u32, String> {

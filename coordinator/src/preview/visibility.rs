@@ -6,7 +6,10 @@
 //! outside. The hierarchy is built for each picture (a second for a million triangles), because its boxes depend on how far the eye is;
 //! keeping it for several would save time only where the same scene is looked at again and again.
 
-use super::camera::Camera;
+use super::{
+    camera::Camera,
+    stop::{Stop, Stopped},
+};
 use glam::{DVec3, Vec3, Vec3A};
 use kiln_proto::{frame::Frame, lookup, plan::Plan, scene::Scene};
 use obvhs::{
@@ -77,10 +80,14 @@ impl<'a> Stage<'a> {
         Self { plan, corners, first, charts, tree, eye: eye.as_dvec3() }
     }
 
-    /// What the pixels of some rows of the picture see, row by row; `None` is the background.
-    pub(super) fn look(&self, camera: &Camera, rows: Range<u32>) -> Vec<Option<Seen>> {
-        let row = |y: u32| (0..camera.size().width).map(move |x| self.along(camera.direction(x, y)));
-        rows.into_par_iter().flat_map_iter(row).collect()
+    /// What the pixels of some rows of the picture see, row by row; `None` is the background. Asks before each row whether to go on.
+    pub(super) fn look(&self, camera: &Camera, rows: Range<u32>, stop: &Stop) -> Result<Vec<Option<Seen>>, Stopped> {
+        let row = |y: u32| {
+            let wanted = stop.check().is_ok();
+            (0..camera.size().width).map(move |x| if wanted { self.along(camera.direction(x, y)) } else { None })
+        };
+        let seen = rows.into_par_iter().flat_map_iter(row).collect();
+        stop.check().map(|()| seen)
     }
 
     fn along(&self, direction: Vec3) -> Option<Seen> {

@@ -1,6 +1,7 @@
 //! What a live view is given, from before there is a plan until the job is done.
 
 use super::*;
+use crate::lease::SHARD_TILES;
 use kiln_proto::tile::{TileRun, TileRuns};
 
 /// The segments of a body: tile and bytes.
@@ -106,4 +107,27 @@ async fn the_scene_can_be_had_from_the_plan_on_and_changes_its_name_once() {
     names.push(engine.live_scene(job).await.unwrap().digest());
     names.dedup();
     assert_eq!(names.len(), 2);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn an_answer_goes_on_from_one_shard_to_the_next() {
+    let rig = Rig::new();
+    let engine = rig.open().await;
+    let scene = ready_scene(&engine).await;
+    // A floor of 64 x 64 tiles and more, and the lamp.
+    let settings = SettingsPatch { texels_per_metre: Some(540.0), ..SettingsPatch::default() };
+    let job = engine.create_job(NewJob { settings, ..new_job(&scene) }).await.unwrap().id;
+    let worker = Worker::join(&engine, "one").await;
+    let mut last = 0;
+    while last < SHARD_TILES + 3 {
+        let grant = worker.lease().await;
+        last = if grant.phase == Phase::Bake { grant.tiles.end } else { 0 };
+        worker.bake(&grant).await;
+    }
+    let asked = tiles(&[(1, 2), (SHARD_TILES - 2, SHARD_TILES + 2), (u64::MAX - 1, u64::MAX)]);
+    let body = engine.live_segments(job, &asked, PLENTY).await.unwrap();
+    let expected = [1, SHARD_TILES - 2, SHARD_TILES - 1, SHARD_TILES, SHARD_TILES + 1];
+    assert_eq!(split(&body).iter().map(|(tile, _)| *tile).collect::<Vec<_>>(), expected);
+    let all = engine.live_segments(job, &tiles(&[(SHARD_TILES - 5, u64::MAX)]), PLENTY).await.unwrap();
+    assert!(split(&all).len() > 5 && split(&all).iter().zip(SHARD_TILES - 5..).all(|((tile, _), expected)| *tile == expected));
 }

@@ -1,7 +1,11 @@
 //! Pictures of a package that is really there: imported, planned and assembled; every texel is grey.
 
 use super::*;
-use crate::engine::tests::real;
+use crate::{
+    engine::{PictureError, tests::real},
+    http::{Kind, preview::failure},
+    preview::{Stop, Stopped, View},
+};
 use kiln_proto::ids::JobId;
 
 async fn view(bench: &Bench, job: &str, query: &str) -> Reply {
@@ -23,6 +27,25 @@ async fn a_job_has_a_picture_when_it_is_done() {
     the_picture_shows_the_floor(&bench, &job).await;
     tags_name_package_view_and_renderer(&bench, &job).await;
     bad_parameters_are_named(&bench, &job).await;
+    a_head_is_answered_without_the_picture(&bench, &job).await;
+    a_service_that_stops_makes_no_pictures(&bench, &job).await;
+}
+
+async fn a_head_is_answered_without_the_picture(bench: &Bench, job: &str) {
+    // The eye is where the default target is, which only whoever makes the picture finds out.
+    let path = format!("/v1/jobs/{job}/preview.png?eye=2,1,-2");
+    let head = bench.send(Request::head(&path).body(Body::empty()).unwrap()).await;
+    assert_eq!((head.status, &head.headers[header::CONTENT_TYPE], head.body.len()), (StatusCode::OK, &"image/png".parse().unwrap(), 0));
+    assert!(head.headers.contains_key(header::ETAG) && bench.get(&path).await.status == StatusCode::BAD_REQUEST);
+}
+
+async fn a_service_that_stops_makes_no_pictures(bench: &Bench, job: &str) {
+    let closing = CancellationToken::new();
+    closing.cancel();
+    let router = App::new(Arc::clone(&bench.engine), HostPolicy::Loopback, closing).router();
+    let path = format!("/v1/jobs/{job}/preview.png?eye=5,5,5&w=8&h=8");
+    let reply = send(&router, Request::get(path).body(Body::empty()).unwrap()).await;
+    assert_eq!((reply.problem().1.as_str(), &reply.headers[header::RETRY_AFTER]), ("busy", &"2".parse().unwrap()));
 }
 
 async fn the_picture_shows_the_floor(bench: &Bench, job: &str) {
@@ -52,9 +75,47 @@ async fn tags_name_package_view_and_renderer(bench: &Bench, job: &str) {
     // The same view in other words is the same picture; another view is not.
     let same = view(bench, job, "?h=8&eye=%2B1.0,2e0,3.00&w=08&fov=45&mode=light-field").await;
     assert_eq!((&same.headers[header::ETAG], &same.body), (&first.headers[header::ETAG], &first.body));
-    for other in ["?eye=1,2,3&w=8&h=9", "?eye=1,2,3.1&w=8&h=8", "?eye=1,2,3&w=8&h=8&mode=diffuse"] {
+    for other in ["?eye=1,2,3&w=8&h=9", "?eye=1,2,3.1&w=8&h=8", "?eye=1,2,3&w=8&h=8&mode=diffuse", "?eye=1,2,3&w=8&h=8&antialias=1"] {
         assert_ne!(view(bench, job, other).await.headers[header::ETAG], first.headers[header::ETAG], "{other}");
     }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_job_that_is_deleted_while_its_picture_is_made_is_unknown() {
+    let bench = Bench::new().await;
+    let job = real::submit(&bench.engine).await;
+    real::bake(&bench.engine, job).await;
+    let app = App::new(Arc::clone(&bench.engine), HostPolicy::Loopback, CancellationToken::new());
+    let package = bench.engine.stored_package(job).await.unwrap();
+    std::fs::remove_dir_all(bench.folder.path().join("data/blobs")).unwrap();
+    let make = || package.picture(&View::default(), &Stop::default()).unwrap_err();
+    let lost = tokio::task::block_in_place(make);
+    assert_eq!(failure(&app, job, lost).await.kind(), Kind::Internal, "of a job that is there, that is our fault");
+    bench.engine.delete_job(job).await.unwrap();
+    let gone = tokio::task::block_in_place(make);
+    assert_eq!(failure(&app, job, gone).await.kind(), Kind::UnknownJob);
+    let late = failure(&app, job, PictureError::Stopped(Stopped::Late)).await;
+    assert!(late.kind() == Kind::Busy && late.detail().contains("fewer pixels"), "{late}");
+}
+
+/// As many live views as are answered at a time, and as many as wait for it.
+#[tokio::test(flavor = "multi_thread")]
+async fn live_views_beyond_those_that_wait_are_told_to_come_back() {
+    let bench = Bench::new().await;
+    let job = real::submit(&bench.engine).await;
+    let app = App::new(Arc::clone(&bench.engine), HostPolicy::Loopback, CancellationToken::new());
+    let router = app.clone().router();
+    let mut waiting: Vec<_> = (0..20).map(|_| Box::pin(app.live.leave())).collect();
+    let mut held = Vec::new();
+    for one in &mut waiting {
+        held.push(futures_util::poll!(one.as_mut()));
+    }
+    assert_eq!(held.iter().filter(|one| one.is_ready()).count(), 4);
+    let get = |path| send(&router, Request::get(path).body(Body::empty()).unwrap());
+    let path = format!("/v1/jobs/{job}/segments?runs=0");
+    assert_eq!(get(path.clone()).await.problem().1, "busy");
+    drop((held, waiting));
+    assert_eq!(get(path).await.status, StatusCode::OK);
 }
 
 async fn bad_parameters_are_named(bench: &Bench, job: &str) {
@@ -72,6 +133,8 @@ async fn bad_parameters_are_named(bench: &Bench, job: &str) {
         ("?fov=NaN", "fov"),
         ("?exposure=99", "exposure"),
         ("?mode=dark", "mode"),
+        ("?antialias=5", "antialias"),
+        ("?w=2048&h=2048&antialias=2", "antialias"),
         ("?width=640", "width"),
         // The default target, which only the scene knows: the middle of its bounds.
         ("?eye=2,1,-2", "eye"),

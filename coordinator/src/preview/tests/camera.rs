@@ -71,3 +71,36 @@ fn of_equally_good_views_the_first_is_taken() {
     let (eye, target) = default_view(&floor, 45.0, size(10, 10)).unwrap();
     assert!((eye - target).x == 0.0 && (eye - target).z > 0.0, "azimuth 0: {eye}");
 }
+
+#[test]
+fn a_default_eye_that_is_too_far_blames_no_eye() {
+    let mut huge = corner();
+    huge.positions.iter_mut().flatten().for_each(|c| *c *= 1e9);
+    let view = View { fov: 1.0, size: size(1, 4_096), ..View::default() };
+    let error = view.camera(&huge).unwrap_err();
+    let said = BadView::from(error.clone()).to_string();
+    assert!(matches!(error, BadCamera::TooFar { .. }) && said.starts_with("fov: ") && said.contains("1x4096"), "{said}");
+    let named = View { eye: Some(Vec3::new(0.0, 1e9, 1e10)), ..view };
+    assert!(named.camera(&huge).is_ok() && view.camera(&corner()).is_ok());
+}
+
+#[test]
+fn what_is_asked_of_rays_is_read_or_refused() {
+    let ask = |pairs: &[(&str, &str)]| View::from_query(|name| pairs.iter().find(|(n, _)| *n == name).map(|(_, text)| (*text).to_owned()));
+    for (pairs, expected) in [
+        (&[][..], 2),
+        (&[("w", "641")], 1),
+        (&[("w", "641"), ("antialias", "3")], 3),
+        (&[("w", "4096"), ("h", "2048")], 1),
+        (&[("w", "1024"), ("h", "512"), ("antialias", "4")], 4),
+    ] {
+        assert_eq!(ask(pairs).unwrap().antialias, expected, "{pairs:?}");
+    }
+    for pairs in
+        [&[("antialias", "0")][..], &[("antialias", "5")], &[("antialias", "x")], &[("w", "1025"), ("h", "512"), ("antialias", "4")]]
+    {
+        assert_eq!(ask(pairs).unwrap_err().field, "antialias", "{pairs:?}");
+    }
+    let far = ask(&[("eye", "1e20,0,0")]).unwrap_err().to_string();
+    assert_eq!(far.matches("eye").count(), 1, "{far}");
+}

@@ -5,9 +5,18 @@ use kiln_proto::{
     lookup::{self, DiffuseMean},
     units::byte_to_radiance,
 };
+use std::{
+    sync::atomic::{AtomicUsize, Ordering},
+    time::{Duration, Instant},
+};
+use tokio_util::sync::CancellationToken;
 
-fn picture(scene: &Scene, plan: &Plan, files: &Files, camera: &Camera, origin: Origin, mode: Mode) -> Result<Frame, ReadError> {
+fn picture(scene: &Scene, plan: &Plan, files: &Files, camera: &Camera, origin: Origin, mode: Mode) -> Result<Frame, RenderError> {
     render(scene, plan, &mut Light::new(files, scene, plan, origin, Trust::Checksum), camera, mode)
+}
+
+fn drawn(scene: &Scene, plan: &Plan, files: &dyn PackageFiles, camera: &Camera, view: &View, stop: &Stop) -> Result<Picture, RenderError> {
+    draw(scene, plan, &mut Light::new(files, scene, plan, Origin::Codec, Trust::Checksum), camera, view, stop)
 }
 
 fn overview() -> Camera {
@@ -23,7 +32,7 @@ fn every_pixel_is_the_reference_lookup() {
     let holds = |_: usize, texel: u64| !(20 * 70..25 * 70).contains(&texel) && texel % 70 != 30;
     let files = files_of(&scene, &plan, holds);
     let camera = overview();
-    let seen = Stage::new(&scene, &plan, camera.eye()).look(&camera, 0..71);
+    let seen = Stage::new(&scene, &plan, camera.eye()).look(&camera, 0..71, &Stop::default()).unwrap();
     let factor = plan.exposure().factor();
     let expected: Vec<Option<Rgb>> = seen
         .iter()
@@ -43,7 +52,8 @@ fn every_pixel_is_the_reference_lookup() {
             let ground = if seen.is_some() { Rgb::BLACK } else { BACKGROUND };
             assert_eq!(pixel.radiance, expected.unwrap_or(ground));
         }
-        assert!(frame.without_light() > 10 && frame.pixels().iter().filter(|p| p.found).count() > 2_000);
+        let dark = frame.pixels().iter().filter(|p| p.chart > 0 && !p.found).count();
+        assert!(dark > 10 && frame.pixels().iter().filter(|p| p.found).count() > 2_000);
     }
 }
 
@@ -79,7 +89,7 @@ fn a_picture_of_several_bands_is_one_picture() {
     let tall = camera_at([0.5, 1.5, 6.0], [0.5, 1.5, 0.0], size(1_024, 600));
     let frame = picture(&scene, &plan, &files, &tall, Origin::Codec, Mode::LightField).unwrap();
     assert_eq!(frame.pixels().len(), 1_024 * 600);
-    let seen = Stage::new(&scene, &plan, tall.eye()).look(&tall, 0..600);
+    let seen = Stage::new(&scene, &plan, tall.eye()).look(&tall, 0..600, &Stop::default()).unwrap();
     assert!(frame.pixels().iter().zip(&seen).all(|(p, s)| p.chart == s.map_or(0, |s| s.chart)));
     let rows = |y: usize| &frame.pixels()[y * 1_024..(y + 1) * 1_024];
     assert!(rows(511).iter().zip(rows(512)).any(|(a, b)| a.found && b.found), "light on both sides of the seam");
@@ -92,14 +102,69 @@ fn bytes_are_exposed_srgb_and_the_background_is_not_exposed() {
     let files = files_of(&scene, &plan, |_, _| true);
     let frame = picture(&scene, &plan, &files, &overview(), Origin::Codec, Mode::LightField).unwrap();
     for stops in [0.0, -2.5] {
+        let view = View { exposure: stops, antialias: 1, ..View::default() };
+        let shown = drawn(&scene, &plan, &files, &overview(), &view, &Stop::default()).unwrap();
         let factor = plan.exposure().factor() * kiln_proto::math::exp2(stops);
-        for (pixel, bytes) in frame.pixels().iter().zip(frame.to_srgb(stops).as_chunks::<3>().0) {
+        for (pixel, bytes) in frame.pixels().iter().zip(shown.rgb()) {
             let expected = pixel.radiance.to_array().map(|v| kiln_proto::units::radiance_to_byte(v, factor));
             assert_eq!(*bytes, if pixel.chart == 0 { [0x20, 0x24, 0x28] } else { expected });
         }
+        let png = image::load_from_memory(&shown.to_png().unwrap()).unwrap().to_rgb8();
+        assert_eq!((png.dimensions(), png.as_raw().as_slice()), ((97, 71), shown.rgb().as_flattened()));
     }
-    let png = image::load_from_memory(&frame.to_png(0.0).unwrap()).unwrap().to_rgb8();
-    assert_eq!((png.dimensions(), png.as_raw()), ((97, 71), &frame.to_srgb(0.0)));
+}
+
+/// In several bands, whose rows of pixels are whole: each pixel is the mean of the four that a picture twice as fine has in its place.
+#[test]
+fn pixels_are_means_of_the_rays_through_them() {
+    let scene = corner();
+    let plan = plan_of(&scene, "16x16", "2x2");
+    let files = files_of(&scene, &plan, |_, texel| !(5..8).contains(&(texel % 16)));
+    let at = |size| camera_at([1.5, 2.5, 4.0], [0.0, 0.8, -1.0], size);
+    let shown = drawn(&scene, &plan, &files, &at(size(500, 301)), &View::default(), &Stop::default()).unwrap();
+    let fine = picture(&scene, &plan, &files, &at(size(1_000, 602)), Origin::Codec, Mode::LightField).unwrap();
+    let factor = plan.exposure().factor();
+    let mut dark = 0;
+    for (k, bytes) in shown.rgb().iter().enumerate() {
+        let (x, y) = (2 * (k % 500), 2 * (k / 500));
+        let rays = [0, 1, 1_000, 1_001].map(|offset| fine.pixels()[y * 1_000 + x + offset]);
+        let light = rays.map(|ray| if ray.chart == 0 { ray.radiance } else { ray.radiance * factor });
+        let mean = (light[0] + light[1] + light[2] + light[3]) * 0.25;
+        assert_eq!(*bytes, mean.to_array().map(|v| kiln_proto::units::radiance_to_byte(v, 1.0)), "{x} {y}");
+        dark += usize::from(rays.iter().any(|ray| ray.chart > 0 && !ray.found));
+    }
+    assert!(dark > 100 && shown.without_light() == dark, "{dark}");
+}
+
+/// Files that withdraw the wish for a picture when the first of them is opened, and count what is opened.
+struct Withdrawn<'a>(&'a Files, CancellationToken, AtomicUsize);
+
+impl PackageFiles for Withdrawn<'_> {
+    fn open(&self, path: &str) -> Result<Box<dyn ReadAt>, ReadError> {
+        self.1.cancel();
+        self.2.fetch_add(1, Ordering::SeqCst);
+        self.0.open(path)
+    }
+}
+
+#[test]
+fn a_picture_is_given_up_when_nobody_wants_it_or_its_time_is_over() {
+    let scene = corner();
+    let plan = plan_of(&scene, "16x16", "2x2");
+    let files = files_of(&scene, &plan, |_, _| true);
+    let late = Stop::new(CancellationToken::new(), Instant::now());
+    let error = drawn(&scene, &plan, &files, &overview(), &View::default(), &late).unwrap_err();
+    assert!(matches!(error, RenderError::Stopped(Stopped::Late)), "{error}");
+    // Withdrawn in the middle: the second surface, which is seen too, is not opened.
+    let unwanted = CancellationToken::new();
+    let files = Withdrawn(&files, unwanted.clone(), AtomicUsize::new(0));
+    let stop = Stop::new(unwanted, Instant::now() + Duration::from_secs(3_600));
+    let error = drawn(&scene, &plan, &files, &overview(), &View::default(), &stop).unwrap_err();
+    assert!(matches!(error, RenderError::Stopped(Stopped::Unwanted)), "{error}");
+    assert_eq!(files.2.load(Ordering::SeqCst), 4, "the four files of the first surface");
+    // And between rows of rays.
+    let seen = Stage::new(&scene, &plan, overview().eye()).look(&overview(), 0..71, &stop);
+    assert_eq!(seen, Err(Stopped::Unwanted));
 }
 
 #[test]
