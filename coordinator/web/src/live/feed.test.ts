@@ -16,6 +16,7 @@ let viewer: EventTarget & { log: string[]; model: object | null; src: string };
 
 beforeEach(() => {
   vi.useFakeTimers();
+  fault = null;
   asked = [];
   answers = { scene: 200, segments: (runs) => [...Array(Number(runs.split('-')[1]) + 1).keys()] };
   vi.stubGlobal('document', { baseURI: 'http://farm/' });
@@ -48,8 +49,8 @@ afterEach(() => {
   vi.useRealTimers();
 });
 
-const faults: string[] = [];
-const feed = () => new LiveFeed('7', viewer as unknown as KilnViewerElement, (sentence) => faults.push(sentence));
+let fault: string | null;
+const feed = () => new LiveFeed('7', viewer as unknown as KilnViewerElement, (sentence) => (fault = sentence));
 const pass = (ms: number) => vi.advanceTimersByTimeAsync(ms);
 
 test('the scene is wanted once before and once behind the barrier', () => {
@@ -121,13 +122,44 @@ test('a package that an absence cut off is loaded again after it, and one that i
   expect(set).toEqual([set[0], '', set[0]]);
 });
 
-test('damaged segments are told, and stay wanted', async () => {
-  faults.length = 0;
-  const add = vi.spyOn(viewer as unknown as KilnViewerElement, 'addSegments').mockImplementationOnce(() => {
+const DAMAGED = 'A part of the job could not be shown: checksum. It is asked for again.';
+const damageOnce = () =>
+  vi.spyOn(viewer as unknown as KilnViewerElement, 'addSegments').mockImplementationOnce(() => {
     throw new Error('checksum');
   });
-  feed().update(state(at('baking', 'bake'), 2));
-  await pass(5_000);
-  expect(faults).toEqual(['A part of the job could not be shown: checksum. It is asked for again.']);
-  expect(add).toHaveBeenCalledTimes(2);
+
+test('damaged segments are told until they came undamaged', async () => {
+  damageOnce();
+  const it = feed();
+  it.update(state(at('baking', 'bake'), 2));
+  await pass(200);
+  expect(fault).toBe(DAMAGED);
+  // What comes meanwhile does not stand for them.
+  answers.segments = (runs) => (runs.startsWith('0') ? [0] : []);
+  it.update(state(at('baking', 'bake'), 3));
+  await pass(2_000);
+  expect([fault, viewer.log.includes('tiles 0')]).toEqual([DAMAGED, true]);
+  answers.segments = () => [1, 2];
+  await pass(2_000);
+  expect([fault, viewer.log.at(-1)]).toEqual([null, 'tiles 1 2']);
+});
+
+test('a job that ends asks for nothing again, and says so no more', async () => {
+  damageOnce();
+  const it = feed();
+  it.update(state(at('baking', 'bake'), 2));
+  await pass(200);
+  it.update(state(at('failed'), 2));
+  expect(fault).toBeNull();
+});
+
+test('a damaged scene is told until it came undamaged', async () => {
+  vi.spyOn(viewer as unknown as KilnViewerElement, 'showLive').mockImplementationOnce(() => {
+    throw new Error('checksum');
+  });
+  feed().update(state(at('baking', 'probe')));
+  await pass(200);
+  expect(fault).toBe(DAMAGED);
+  await pass(2_500);
+  expect([fault, viewer.log]).toEqual([null, ['scene']]);
 });

@@ -9,7 +9,7 @@
 import type { ErrorDetail, KilnViewerElement } from '../viewer/api.ts';
 import { askBytes, serviceUrl } from './http.ts';
 import { type JobRecord, type Phase, isFinal } from './records.ts';
-import { type TileRun, formatRuns } from './runs.ts';
+import { type TileRun, type TileRuns, formatRuns, fromTiles, minus, union } from './runs.ts';
 import { SegmentQueue } from './segment-queue.ts';
 import type { FollowState } from './state.ts';
 
@@ -37,15 +37,17 @@ export class LiveFeed {
   private pausedUntil = 0;
   private timer: number | undefined;
   private finished = false;
+  /** Tiles that came, but could not be shown. */
+  private damaged: TileRuns = [];
   /** The package could not be loaded, and the coordinator was away since. */
   private failed = false;
   private absent = false;
 
-  /** `onFault` hears, as a sentence, of what the viewer could not show. */
+  /** `onFault` hears, as a sentence, of what the viewer could not show, and null when that is shown or no longer wanted. */
   constructor(
     private readonly job: string,
     private readonly viewer: KilnViewerElement,
-    private readonly onFault: (sentence: string) => void,
+    private readonly onFault: (sentence: string | null) => void,
   ) {}
 
   /** The job is in this state now. */
@@ -63,6 +65,7 @@ export class LiveFeed {
     this.finished = true;
     this.abort.abort();
     clearTimeout(this.timer);
+    this.onFault(null);
   }
 
   private showPackage(): void {
@@ -121,8 +124,12 @@ export class LiveFeed {
     const shown = answer.kind === 'ok' && !this.finished && (await this.showScene(answer.value));
     this.fetchingScene = false;
     if (this.finished) return;
-    if (shown) this.scene = phase;
-    else this.pause();
+    if (shown) {
+      this.scene = phase;
+      this.onFault(null);
+    } else {
+      this.pause();
+    }
     this.pump(0);
   }
 
@@ -146,10 +153,18 @@ export class LiveFeed {
     this.asking--;
     if (this.finished) return;
     let tiles: number[] = [];
-    if (answer.kind === 'ok') this.show(() => (tiles = this.viewer.addSegments(answer.value)));
+    if (answer.kind === 'ok' && !this.show(() => (tiles = this.viewer.addSegments(answer.value)))) this.damaged = union(this.damaged, runs);
     this.queue.settle(runs, tiles);
+    this.mended(fromTiles(tiles));
     if (tiles.length === 0) this.pause();
     this.pump(0);
+  }
+
+  /** These are shown now; the last of those that could not be ends the complaint. */
+  private mended(tiles: TileRuns): void {
+    const left = minus(this.damaged, tiles);
+    if (left.length === 0) this.onFault(null);
+    this.damaged = left;
   }
 
   private pause(): void {
