@@ -1,6 +1,6 @@
 /** How the light field is drawn: mode, texel grid, exposure, and for those who compare, scheme and filter. */
 
-import type { KilnViewerElement, ViewMode } from '../viewer/api.ts';
+import type { KilnViewerElement, ViewMode, ViewerModel } from '../viewer/api.ts';
 import { el, setText } from './dom.ts';
 
 const MODES: [ViewMode, string][] = [
@@ -20,31 +20,44 @@ const FILTERS: [KilnViewerElement['filter'], string][] = [
 ];
 /** Stops either way, and the slider's step. */
 const EXPOSURE = { most: 6, step: 0.25 };
-const NO_RAW = 'Needs raw radiance, which this package did not keep.';
 
 /** `+1.25 EV`. */
 export const exposureText = (stops: number): string => `${stops > 0 ? '+' : stops < 0 ? '−' : ''}${Math.abs(stops).toFixed(2)} EV`;
+
+/** Why `what`, which needs raw radiance, cannot be had; null where it can, or where nothing is known yet. */
+export function rawReason(model: Pick<ViewerModel, 'hasRaw' | 'live'> | null, what: string): string | null {
+  if (!model || model.hasRaw) return null;
+  return model.live ? `${what} can be shown when the job is done, where it keeps raw radiance.` : `${what} needs raw radiance, which this package did not keep.`;
+}
 
 export class DisplayControls {
   readonly element = el('div', { class: 'controls' });
   private readonly modes = new Map<ViewMode, HTMLInputElement>();
   private readonly grid = el('input', { type: 'checkbox' });
-  private readonly reason = el('p', { class: 'hint', id: 'error-mode-reason' }, NO_RAW);
+  private readonly scheme = select(SCHEMES);
+  private readonly noError = el('p', { class: 'hint', id: 'error-mode-reason' });
+  private readonly noRaw = el('p', { class: 'hint', id: 'raw-scheme-reason' });
   private readonly viewer: KilnViewerElement;
 
   constructor(viewer: KilnViewerElement) {
     this.viewer = viewer;
+    const filter = select(FILTERS);
     this.element.append(
       this.modeGroup(),
       el('label', { class: 'check' }, this.grid, 'Texel grid'),
       this.exposureRow(),
-      choice('Scheme', SCHEMES, viewer.scheme, (scheme) => (viewer.scheme = scheme)),
-      choice('Filter', FILTERS, viewer.filter, (filter) => (viewer.filter = filter)),
+      field('Scheme', this.scheme),
+      this.noRaw,
+      field('Filter', filter),
     );
+    this.scheme.setAttribute('aria-describedby', this.noRaw.id);
+    this.scheme.addEventListener('change', () => (viewer.scheme = this.scheme.value as KilnViewerElement['scheme']));
+    filter.value = viewer.filter;
+    filter.addEventListener('change', () => (viewer.filter = filter.value as KilnViewerElement['filter']));
     this.grid.checked = viewer.texelGrid;
     this.grid.addEventListener('change', () => (viewer.texelGrid = this.grid.checked));
     viewer.addEventListener('model', () => this.sync());
-    // The viewer falls back to the full light field where a mode fails.
+    // The viewer falls back to the full light field, or to a scheme of its choice, where what was asked for fails.
     viewer.addEventListener('error', () => queueMicrotask(() => this.sync()));
     this.sync();
   }
@@ -69,20 +82,25 @@ export class DisplayControls {
       this.modes.set(mode, input);
       group.append(el('label', { class: 'check' }, input, label));
     }
-    this.modes.get('error')?.setAttribute('aria-describedby', this.reason.id);
-    group.append(this.reason);
+    this.modes.get('error')?.setAttribute('aria-describedby', this.noError.id);
+    group.append(this.noError);
     return group;
   }
 
   private sync(): void {
-    const { model, mode } = this.viewer;
+    const { model, mode, scheme } = this.viewer;
     const raw = model?.hasRaw ?? false;
     for (const [name, input] of this.modes) {
       input.checked = name === mode;
       if (name === 'error') input.disabled = !raw;
     }
-    this.reason.hidden = raw || model === null;
-    setText(this.reason, model?.live ? 'The error can be shown when the job is done, where it keeps raw radiance.' : NO_RAW);
+    this.scheme.value = scheme;
+    for (const option of this.scheme.options) option.disabled = option.value === 'raw' && !raw;
+    for (const [place, what] of [[this.noError, 'The error'], [this.noRaw, 'Raw']] as const) {
+      const reason = rawReason(model, what);
+      place.hidden = reason === null;
+      setText(place, reason ?? '');
+    }
   }
 
   private exposureRow(): HTMLElement {
@@ -108,8 +126,6 @@ export class DisplayControls {
   }
 }
 
-function choice<T extends string>(name: string, options: [T, string][], now: T, choose: (value: T) => void): HTMLElement {
-  const select = el('select', {}, ...options.map(([value, text]) => el('option', { value, selected: value === now }, text)));
-  select.addEventListener('change', () => choose(select.value as T));
-  return el('label', { class: 'field' }, el('span', {}, name), select);
-}
+const select = (options: [string, string][]): HTMLSelectElement => el('select', {}, ...options.map(([value, text]) => el('option', { value }, text)));
+
+const field = (name: string, control: HTMLElement): HTMLElement => el('label', { class: 'field' }, el('span', {}, name), control);

@@ -9,7 +9,7 @@ import { DisplayControls } from './display-controls.ts';
 import { el } from './dom.ts';
 import { linkToView, syncCameraWithHash } from './hash-sync.ts';
 import { HemispherePlot } from './hemisphere.ts';
-import { installShortcuts } from './shortcuts.ts';
+import { type ShortcutActions, installShortcuts } from './shortcuts.ts';
 import { Statistics } from './statistics.ts';
 
 const MODES: readonly ViewMode[] = ['light-field', 'diffuse', 'error'];
@@ -24,7 +24,7 @@ export function inspectorPanel(viewer: KilnViewerElement, fileName: () => string
     if (viewer.pickAt(viewer.clientWidth / 2, viewer.clientHeight / 2)) plot.focus();
     else said.say('There is no baked surface at the centre of the view.');
   };
-  const openHelp = installShortcuts({
+  const keys: ShortcutActions = {
     mode: (index) => controls.setMode(MODES[index]),
     toggleGrid: () => controls.toggleGrid(),
     toggleStatistics: () => statistics.toggle(),
@@ -34,7 +34,9 @@ export function inspectorPanel(viewer: KilnViewerElement, fileName: () => string
       if (open) plot.show(null);
       return open;
     },
-  });
+  };
+  const panel = el('section', { class: 'panel inspector', 'aria-labelledby': 'inspector-title' });
+  const openHelp = installShortcuts(keys, [viewer, panel]);
   viewer.addEventListener('pick', (event) => plot.show((event as CustomEvent<TexelSample | null>).detail));
   syncCameraWithHash(viewer);
   const actions = el(
@@ -46,8 +48,8 @@ export function inspectorPanel(viewer: KilnViewerElement, fileName: () => string
     button('Inspect the centre', inspectCentre),
     button('Keys', openHelp),
   );
-  return el('section', { class: 'panel inspector', 'aria-labelledby': 'inspector-title' },
-    el('h2', { id: 'inspector-title' }, 'Inspector'), controls.element, actions, plot.element, statistics.element, said.element);
+  panel.append(el('h2', { id: 'inspector-title' }, 'Inspector'), controls.element, actions, plot.element, statistics.element, said.element);
+  return panel;
 }
 
 function button(text: string, act: (self: HTMLButtonElement) => unknown): HTMLButtonElement {

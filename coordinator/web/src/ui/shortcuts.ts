@@ -1,6 +1,6 @@
 /**
- * Keys of a page with a viewer. Those that move the camera are the viewer's own and work where it has the focus; these work anywhere but in
- * fields, where people type. The help lists both.
+ * Keys of a page with a viewer. Those that move the camera are the viewer's own; these, too, work only while the view or the inspector has the
+ * focus: who speaks to a computer would trigger single letters of a whole page with any word (WCAG 2.1.4). The help lists both.
  */
 
 import { el } from './dom.ts';
@@ -16,7 +16,7 @@ export interface ShortcutActions {
 }
 
 const KEYS: [string[], string][] = [
-  [['←', '→', '↑', '↓'], 'turn around the scene (with the focus on the view)'],
+  [['←', '→', '↑', '↓'], 'turn around the scene, while the view has the focus'],
   [['Shift + arrows'], 'move the view sideways'],
   [['+', '−'], 'nearer and farther'],
   [['Home'], 'back to the first view'],
@@ -28,8 +28,17 @@ const KEYS: [string[], string][] = [
   [['?'], 'this help'],
 ];
 
-/** Begins to listen; returns what opens the help. */
-export function installShortcuts(actions: ShortcutActions): () => void {
+/** Where a key was pressed: in a field that wants letters and digits for itself, elsewhere in the view or the inspector, or anywhere else. */
+export type Place = 'field' | 'inside' | 'outside';
+
+/** Which of the keys an event means; null where it means none. Escape is no letter, and closes from anywhere. */
+export function meantKey(event: Pick<KeyboardEvent, 'key' | 'ctrlKey' | 'metaKey' | 'altKey'>, place: Place): string | null {
+  if (event.ctrlKey || event.metaKey || event.altKey) return null;
+  return event.key === 'Escape' || place === 'inside' ? event.key : null;
+}
+
+/** Begins to listen to keys in `places`; returns what opens the help. */
+export function installShortcuts(actions: ShortcutActions, places: readonly HTMLElement[]): () => void {
   const help = helpDialog();
   const openHelp = () => {
     if (!help.open) help.showModal();
@@ -44,10 +53,11 @@ export function installShortcuts(actions: ShortcutActions): () => void {
     '?': openHelp,
   };
   document.addEventListener('keydown', (event) => {
-    if (event.ctrlKey || event.metaKey || event.altKey || event.defaultPrevented || document.querySelector('dialog[open]')) return;
-    if (event.key === 'Escape' && actions.close()) return event.preventDefault();
-    if (takesText(event.target)) return;
-    const action = Object.hasOwn(act, event.key) ? act[event.key] : undefined;
+    if (event.defaultPrevented || document.querySelector('dialog[open]')) return;
+    const inside = places.some((place) => place.contains(event.target as Node));
+    const key = meantKey(event, takesText(event.target) ? 'field' : inside ? 'inside' : 'outside');
+    if (key === 'Escape' && actions.close()) return event.preventDefault();
+    const action = key !== null && Object.hasOwn(act, key) ? act[key] : undefined;
     if (!action) return;
     event.preventDefault();
     action();
@@ -64,8 +74,9 @@ function takesText(target: EventTarget | null): boolean {
 
 function helpDialog(): HTMLDialogElement {
   const rows = KEYS.map(([keys, what]) => el('div', {}, el('dt', {}, ...keys.flatMap((k, n) => [n > 0 ? ' ' : '', el('kbd', {}, k)])), el('dd', {}, what)));
+  const where = el('p', {}, 'Keys work while the view or the inspector has the focus: click there, or go there with Tab.');
   const close = el('form', { method: 'dialog' }, el('button', { autofocus: true }, 'Close'));
-  const dialog = el('dialog', { class: 'help', 'aria-labelledby': 'help-title' }, el('h2', { id: 'help-title' }, 'Keys'), el('dl', { class: 'keys' }, ...rows), close);
+  const dialog = el('dialog', { class: 'help', 'aria-labelledby': 'help-title' }, el('h2', { id: 'help-title' }, 'Keys'), where, el('dl', { class: 'keys' }, ...rows), close);
   document.body.append(dialog);
   return dialog;
 }

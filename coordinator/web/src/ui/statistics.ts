@@ -46,7 +46,7 @@ export function statisticsRows(stats: ViewerStats): [string, string | null][] {
     ['Triangles drawn', stats.triangles.toLocaleString('en')],
     ['Texture memory', `${bytes(stats.textureBytes)} of ${bytes(stats.budgetBytes)}`],
     ['First picture', stats.firstPictureMs === null ? null : `${Math.round(stats.firstPictureMs)} ms`],
-    ['On the way', stats.busy ? 'samples are sent to the GPU' : null],
+    ['Samples', stats.busy ? 'loading…' : null],
     ['Codec', stats.codec || null],
     ['Surfaces by scheme', schemes.length > 0 ? schemes.join(', ') : null],
   ];
