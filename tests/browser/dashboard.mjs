@@ -23,6 +23,7 @@ await script(async ([url, gpu, done, waiting]) => {
   await page.setViewportSize({ width: 1000, height: 700 });
   // Cancelling asks first, and the keyboard is enough.
   const cancel = page.getByRole('button', { name: /cancel/i }).first();
+  const name = (await cancel.getAttribute('aria-label')).replace('Cancel ', '');
   await cancel.focus();
   await page.keyboard.press('Enter');
   const dialog = page.getByRole('dialog');
@@ -33,6 +34,9 @@ await script(async ([url, gpu, done, waiting]) => {
   await page.keyboard.press('Enter');
   await dialog.getByRole('button', { name: /cancel the job|cancel job|yes/i }).press('Enter');
   await page.locator('#jobs .badge').filter({ hasText: /cancelled/i }).waitFor();
+  await page.getByRole('button', { name: `Cancel ${name}`, exact: true }).waitFor({ state: 'hidden' });
+  const focus = await page.evaluate(() => document.activeElement.getAttribute('aria-label'));
+  check(focus === `Delete ${name}`, `a button that goes leaves the focus at ${focus}`);
   const script = await page.request.get(`${url}/`);
   const policy = script.headers()['content-security-policy'];
   check(/script-src 'self'/.test(policy) && !/unsafe/.test(policy), `the policy allows more than the page's own scripts: ${policy}`);

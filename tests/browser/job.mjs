@@ -65,6 +65,10 @@ const stories = {
     // With the coordinator's own reason.
     await alert(page, /The job failed\. .*segment of tile \d+/);
     await checkAccessibility(page, 'the page of a failed job');
+    // Who comes later finds no empty view to wait at.
+    await page.reload();
+    await page.getByText('There is nothing to show').waitFor();
+    check(!(await page.locator('kiln-viewer').isVisible()) && !(await page.getByRole('heading', { name: 'Inspector' }).isVisible()), 'there is a view of nothing');
   },
 
   async deleted(page) {
@@ -104,6 +108,8 @@ const stories = {
     await page.keyboard.press('Tab');
     check(await page.getByRole('link', { name: 'Skip to the content' }).evaluate((e) => e === document.activeElement), 'the first stop is not the skip link');
     await page.keyboard.press('Enter');
+    await page.keyboard.press('2');
+    check((await page.evaluate(() => document.querySelector('kiln-viewer').mode)) === 'light-field', 'a letter acts outside of the view and the inspector');
     for (let stops = 0; ; stops++) {
       check(stops < 12, 'the view is not reached by Tab');
       await page.keyboard.press('Tab');

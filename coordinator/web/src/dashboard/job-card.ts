@@ -2,9 +2,10 @@
 
 import { serviceUrl } from '../live/http.ts';
 import { type JobRecord, isFinal, problemText } from '../live/records.ts';
-import { el, setText } from '../ui/dom.ts';
+import { el, setHidden, setText } from '../ui/dom.ts';
 import { dateTime, rate } from '../ui/format.ts';
 import { elapsedText, jobName, progressText, stateText } from '../ui/job-text.ts';
+import { PreviewPicture } from '../ui/preview-picture.ts';
 
 export class JobCard {
   readonly element: HTMLLIElement;
@@ -15,19 +16,21 @@ export class JobCard {
   private readonly figures = el('p', { class: 'figures' });
   private readonly remark = el('p', { class: 'remark' });
   private readonly times = el('p', { class: 'hint' });
-  private readonly picture = el('div', { class: 'thumbnail' });
+  private readonly thumbnail = el('div', { class: 'thumbnail' });
+  private readonly picture: PreviewPicture;
   private readonly cancel = el('button', { type: 'button' }, 'Cancel');
   private readonly remove = el('button', { type: 'button' }, 'Delete');
 
   /** `act` is called when a button is pressed. */
   constructor(job: JobRecord, act: (action: 'cancel' | 'delete', job: JobRecord) => void) {
     this.job = job;
+    this.picture = new PreviewPicture(this.thumbnail, job.id, { width: 160, height: 120 });
     this.link.href = serviceUrl(`jobs/${encodeURIComponent(job.id)}`);
     this.cancel.addEventListener('click', () => act('cancel', this.job));
     this.remove.addEventListener('click', () => act('delete', this.job));
     const head = el('div', { class: 'card-head' }, el('h3', {}, this.link), this.state);
     const words = el('div', { class: 'card-words' }, head, this.bar, this.figures, this.remark, this.times);
-    this.element = el('li', { class: 'card' }, this.picture, words, el('div', { class: 'card-actions' }, this.cancel, this.remove));
+    this.element = el('li', { class: 'card' }, this.thumbnail, words, el('div', { class: 'card-actions' }, this.cancel, this.remove));
     this.update(job, Date.now());
   }
 
@@ -42,7 +45,7 @@ export class JobCard {
     this.bar.hidden = isFinal(job.state);
     this.bar.value = progress.fraction;
     this.bar.setAttribute('aria-label', `Progress of ${name}`);
-    this.cancel.hidden = isFinal(job.state);
+    setHidden(this.cancel, isFinal(job.state), this.remove);
     this.cancel.setAttribute('aria-label', `Cancel ${name}`);
     this.remove.setAttribute('aria-label', `Delete ${name}`);
     const working = isFinal(job.state) ? [] : [`${progress.workers} ${progress.workers === 1 ? 'worker' : 'workers'}`, `${rate(progress.rays_per_second)} rays`];
@@ -51,18 +54,11 @@ export class JobCard {
     this.remark.classList.toggle('bad', job.problem !== null);
     const took = elapsedText(job, at);
     setText(this.times, `Submitted ${dateTime(job.created_ms)}${took ? `, ${isFinal(job.state) ? 'took' : 'baking for'} ${took}` : ''}`);
-    if (job.state === 'done' && !this.picture.hasChildNodes()) this.picture.append(this.thumbnail());
+    // Decoration.
+    if (job.state === 'done') this.picture.show({ loading: 'lazy', alt: '' });
   }
 
   focus(): void {
     this.link.focus();
-  }
-
-  private thumbnail(): HTMLImageElement {
-    const src = serviceUrl(`v1/jobs/${encodeURIComponent(this.job.id)}/preview.png?w=160&h=120`);
-    const image = el('img', { loading: 'lazy', width: 160, height: 120, alt: '', src });
-    // Decoration: a broken-picture sign would say less than nothing.
-    image.addEventListener('error', () => (image.hidden = true));
-    return image;
   }
 }

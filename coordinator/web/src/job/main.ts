@@ -7,19 +7,19 @@ import '../ui/panel.css';
 import '../ui/viewing.css';
 import { LiveFeed } from '../live/feed.ts';
 import { JobFollower, RETRY_MS } from '../live/follower.ts';
-import { serviceUrl } from '../live/http.ts';
 import { messageFor } from '../live/messages.ts';
 import type { FollowState } from '../live/state.ts';
 import { Announcer, Notice } from '../ui/announcer.ts';
-import { byId, el, installSkipLink, setText } from '../ui/dom.ts';
+import { byId, el, installSkipLink, setHidden, setText } from '../ui/dom.ts';
 import { inspectorPanel } from '../ui/inspector.ts';
 import { jobName, progressText, stateText } from '../ui/job-text.ts';
+import { PreviewPicture } from '../ui/preview-picture.ts';
 import type { ErrorDetail, KilnViewerElement } from '../viewer/api.ts';
+import { emptyText } from './emptiness.ts';
 import { StatusPanel } from './status.ts';
 import { SurfaceTable } from './surfaces.ts';
 
 const id = decodeURIComponent(location.pathname.split('/').pop() ?? '');
-const previewUrl = (width: number, height: number) => serviceUrl(`v1/jobs/${encodeURIComponent(id)}/preview.png?w=${width}&h=${height}`);
 
 const notice = new Notice();
 const fault = new Notice();
@@ -27,26 +27,24 @@ const said = new Announcer();
 const status = new StatusPanel(id, () => follower.refresh());
 const surfaces = new SurfaceTable();
 const viewer = document.createElement('kiln-viewer') as KilnViewerElement;
-/** Without WebGL 2 the page shows the picture that the coordinator makes. */
-let picture: HTMLImageElement | null = null;
+/** In the view's place where there is nothing to see. */
+const empty = el('p', { class: 'hint', hidden: true, tabindex: -1 });
+/** Without WebGL 2: the picture that the coordinator makes. */
+let picture: PreviewPicture | null = null;
 let spoken = '';
 
 viewer.setAttribute('camera-controls', '');
 viewer.addEventListener('error', (event) => {
   const { type } = (event as Event as CustomEvent<ErrorDetail>).detail;
-  if (type === 'webgl') picture = el('img', { class: 'picture', hidden: true, width: 960, height: 720 });
+  if (type === 'webgl') picture = instead();
   // Whether the package or the coordinator is to blame.
   if (type === 'loadfailure') follower.refresh();
 });
-viewer.addEventListener('load', () => fault.show(null));
 viewer.addEventListener('model', () => draw(follower.state));
-byId('view').append(viewer);
-if (picture) {
-  byId('view').classList.add('without-webgl');
-  byId('view').append(picture);
-}
+byId('view').append(viewer, empty);
 
-const feed = picture ? null : new LiveFeed(id, viewer, (sentence) => fault.show({ role: 'alert', text: sentence }));
+const inspector = picture ? null : inspectorPanel(viewer, () => byId('title').textContent ?? 'kiln');
+const feed = picture ? null : new LiveFeed(id, viewer, (sentence) => fault.show(sentence === null ? null : { role: 'alert', text: sentence }));
 const follower = new JobFollower(id, (state) => {
   draw(state);
   feed?.update(state);
@@ -56,30 +54,33 @@ function draw(state: FollowState): void {
   const { job } = state;
   notice.show(messageFor(state, RETRY_MS / 1000));
   status.update(state);
+  const nothing = emptyText(state, viewer.model !== null);
+  setText(empty, nothing ?? '');
+  empty.hidden = nothing === null;
+  for (const part of [viewer, inspector]) if (part) setHidden(part, nothing !== null, empty);
   surfaces.update(viewer.model, job?.state === 'done' ? null : state.baked);
   if (!job) return;
   const name = jobName(job);
   setText(byId('title'), name);
   document.title = `${name} – ${stateText(job)} – Kiln`;
   viewer.alt = `Baked scene of ${name}`;
-  if (picture && job.state === 'done') showPicture(picture, name);
+  if (job.state === 'done') picture?.show({ class: 'picture', alt: `${name}, seen from a camera of the coordinator's choice` });
   // A change of state, and every tenth of the way.
   const step = `${stateText(job)} ${Math.floor(job.progress.fraction * 10)}`;
   if (step !== spoken) said.say(`${stateText(job)}: ${progressText(job)}`);
   spoken = step;
 }
 
-function showPicture(image: HTMLImageElement, name: string): void {
-  if (image.src) return;
-  image.alt = `${name}, seen from a camera of the coordinator's choice`;
-  image.hidden = false;
-  image.addEventListener('error', () => (image.hidden = true));
-  image.src = previewUrl(image.width, image.height);
+function instead(): PreviewPicture {
+  const place = el('div');
+  byId('view').classList.add('without-webgl');
+  byId('view').append(place);
+  return new PreviewPicture(place, id, { width: 960, height: 720 });
 }
 
 installSkipLink();
 byId('notices').append(notice.element, fault.element, said.element);
 byId('side').append(status.element);
-if (!picture) byId('side').append(inspectorPanel(viewer, () => byId('title').textContent ?? 'kiln'));
+if (inspector) byId('side').append(inspector);
 byId('surfaces').append(surfaces.element);
 follower.start();

@@ -4,7 +4,7 @@ import { isFinal } from '../live/records.ts';
 import type { FollowState } from '../live/state.ts';
 import { serviceUrl } from '../live/http.ts';
 import { Notice } from '../ui/announcer.ts';
-import { Terms, el, setText } from '../ui/dom.ts';
+import { Terms, el, setHidden, setText } from '../ui/dom.ts';
 import { dateTime, rate, short } from '../ui/format.ts';
 import { cancelJob, deleteJob } from '../ui/job-actions.ts';
 import { elapsedText, progressText, settingText, stateText } from '../ui/job-text.ts';
@@ -18,6 +18,7 @@ const DOWNLOADS: [string, string][] = [
 
 export class StatusPanel {
   readonly element = el('section', { class: 'panel', 'aria-labelledby': 'status-title' });
+  private readonly title = el('h2', { id: 'status-title', tabindex: -1 }, 'State');
   private readonly state = el('span', { class: 'badge' });
   private readonly bar = el('progress', { max: 1, 'aria-label': 'Progress of this phase' });
   private readonly figures = el('p', { class: 'figures' });
@@ -36,7 +37,7 @@ export class StatusPanel {
       this.downloads.append(el('li', {}, el('a', { href, download: path.endsWith('.json') ? null : '' }, text)));
     }
     this.element.append(
-      el('div', { class: 'card-head' }, el('h2', { id: 'status-title' }, 'State'), this.state),
+      el('div', { class: 'card-head' }, this.title, this.state),
       this.bar,
       this.figures,
       this.terms.element,
@@ -70,9 +71,9 @@ export class StatusPanel {
     this.terms.set('Submitted', dateTime(job.created_ms));
     this.terms.set('Priority', job.priority === 0 ? null : String(job.priority));
     for (const [name, value] of Object.entries(job.settings)) this.settings.set(name.replaceAll('_', ' '), settingText(value));
-    this.downloads.hidden = job.state !== 'done' || state.gone !== null;
-    this.cancel.hidden = over || state.gone !== null;
-    this.remove.hidden = state.gone !== null;
+    setHidden(this.downloads, job.state !== 'done' || state.gone !== null, this.title);
+    setHidden(this.remove, state.gone !== null, this.title);
+    setHidden(this.cancel, over || state.gone !== null, this.remove, this.title);
   }
 
   private async act(action: typeof cancelJob): Promise<void> {

@@ -32,6 +32,16 @@ export function setText(node: Node, text: string): void {
   if (node.textContent !== text) node.textContent = text;
 }
 
+/**
+ * Hides what has no use now, or shows it again. Where it has the focus, the first of `heirs` that is shown gets it: what is hidden loses the focus,
+ * and a keyboard would begin again at the top of the page.
+ */
+export function setHidden(element: HTMLElement, hidden: boolean, ...heirs: HTMLElement[]): void {
+  const focused = hidden && element.contains(document.activeElement);
+  element.hidden = hidden;
+  if (focused) heirs.find((heir) => !heir.hidden)?.focus();
+}
+
 /** An element of the page's own HTML. */
 export function byId(id: string): HTMLElement {
   const element = document.getElementById(id);
