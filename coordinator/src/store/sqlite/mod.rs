@@ -58,8 +58,20 @@ impl SqliteStore {
         self.writer.close().await;
     }
 
+    /// Begins a transaction that writes.
+    ///
+    /// On a full or failing disk SQLite may roll back by itself; sqlx's own rollback then meets no transaction and fails, and sqlx believes for ever
+    /// that the connection is within one. Such a connection is given up for a new one, or a disk that was full once would stop all
+    /// writes until a restart.
     async fn write(&self) -> Result<Transaction<'static, Sqlite>, StoreError> {
-        Ok(self.writer.begin_with("BEGIN IMMEDIATE").await?)
+        const BEGIN: &str = "BEGIN IMMEDIATE";
+        match self.writer.begin_with(BEGIN).await {
+            Err(sqlx::Error::InvalidSavePointStatement) => {
+                self.writer.acquire().await?.close().await?;
+                Ok(self.writer.begin_with(BEGIN).await?)
+            }
+            begun => Ok(begun?),
+        }
     }
 
     async fn read(&self) -> Result<PoolConnection<Sqlite>, StoreError> {

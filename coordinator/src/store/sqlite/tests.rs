@@ -27,6 +27,26 @@ async fn a_later_schema_is_refused() {
     assert!(matches!(error, StoreError::Newer { found: 99, known: 2, .. }), "{error}");
 }
 
+/// What SQLite rolls back by itself must not be waited for: `max_page_count` makes a full disk of any.
+#[tokio::test]
+async fn it_writes_again_when_the_disk_has_room_again() {
+    let dir = tempfile::tempdir().unwrap();
+    let store = SqliteStore::open(&dir.path().join("kiln.db")).await.unwrap();
+    let pages: i64 = sqlx::query_scalar("PRAGMA page_count").fetch_one(&store.writer).await.unwrap();
+    let limit = |n: i64| sqlx::raw_sql(sqlx::AssertSqlSafe(format!("PRAGMA max_page_count = {n}"))).execute(&store.writer);
+    limit(pages).await.unwrap();
+    let files = |n: usize| [StoredFile { name: "x".repeat(n), blob: BlobName::of(b"x") }];
+    let full = store.add_scene(Uuid::now_v7(), &files(100_000), 0).await.unwrap_err();
+    assert!(
+        full.to_string().contains("full") || std::error::Error::source(&full).is_some_and(|e| e.to_string().contains("full")),
+        "{full:?}"
+    );
+    limit(1 << 30).await.unwrap();
+    let id = Uuid::now_v7();
+    store.add_scene(id, &files(100_000), 0).await.unwrap();
+    assert!(store.scene(id).await.unwrap().is_some());
+}
+
 #[tokio::test]
 async fn it_is_opened_with_full_durability() {
     let dir = tempfile::tempdir().unwrap();
