@@ -101,8 +101,7 @@ export class SurfaceView {
 
   /** Bytes of its textures. */
   get bytes(): number {
-    const all = new Set(Object.values(this.looks).flatMap((look) => look.textures));
-    return [...all].reduce((sum, texture) => sum + ((texture.userData.bytes as number | undefined) ?? 0), 0);
+    return [...new Set(Object.values(this.looks))].reduce((sum, look) => sum + look.bytes, 0);
   }
 
   /** Lays out textures for a scheme, empty: what is not there yet is drawn as a draft. Streams are complete at once. null: a surface that this GPU cannot
@@ -113,13 +112,12 @@ export class SurfaceView {
     if (scheme === 'streamed' && this.surface.source instanceof PackageSource) {
       const streams = streamTextures(renderer, this.surface.source.coded, this.limits);
       const textures = [streams.starts, streams.steps, streams.colours, ...(streams.map ? [streams.map] : [])];
-      textures[0].userData.bytes = streams.bytes;
       this.looks.shown = { scheme, bytes: streams.bytes, textures, material: () => streamedMaterial(this.base, streams) };
     } else if (scheme === 'expanded' || scheme === 'raw') {
       this.looks.shown = this.beginSamples(scheme);
       if (scheme === 'expanded' && this.costs().mean !== null) this.beginMean();
     } else {
-      this.looks.shown = { ...this.beginMean(), scheme: 'mean' };
+      this.looks.shown = this.beginMean();
     }
     this.apply();
   }
@@ -235,7 +233,6 @@ export class SurfaceView {
     if (!layout) throw new Error(`${this.surface.name}: its samples do not fit this GPU's textures`);
     const linear = scheme === 'raw' && this.field.container.plan.settings.raw === 'f32';
     const held = sampleTexture(layout, linear);
-    held.texture.userData.bytes = held.bytes;
     const make = (hardware: boolean) => arrayMaterial(scheme, this.base, held.texture, layout, hardware);
     return { held, layout, drawable: { scheme, bytes: held.bytes, textures: [held.texture], material: make } };
   }
@@ -248,7 +245,6 @@ export class SurfaceView {
 
   private beginMean(): Drawable {
     const held = meanTexture(this.surface.plan.width, this.surface.plan.height);
-    held.texture.userData.bytes = held.bytes;
     this.mean = held;
     const make = (hardware: boolean) => meanMaterial(this.base, held.texture, hardware);
     this.looks.mean = { scheme: 'mean', bytes: held.bytes, textures: [held.texture], material: make };

@@ -4,7 +4,7 @@
  */
 
 import {
-  Box3, ClampToEdgeWrapping, Data3DTexture, DataArrayTexture, DataTexture, FloatType, HalfFloatType, LinearFilter, NearestFilter, NoColorSpace,
+  Box3, ClampToEdgeWrapping, Data3DTexture, DataArrayTexture, DataTexture, HalfFloatType, LinearFilter, NearestFilter, NoColorSpace,
   type PixelFormat, RGBAFormat, RGBAIntegerFormat, RedIntegerFormat, type Texture, type TextureDataType, UnsignedByteType, UnsignedIntType,
   UnsignedShortType, Vector3, type WebGLRenderer, DataUtils,
 } from 'three';
@@ -169,6 +169,3 @@ function pad(data: Words, length: number): Words {
   out.set(data);
   return out;
 }
-
-/** A target that keeps linear radiance; half floats where every GPU can draw to them, floats where values are read back. */
-export const TARGET_TYPES = { half: HalfFloatType, float: FloatType } as const;
