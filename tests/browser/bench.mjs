@@ -15,7 +15,8 @@ await script(async ([url, gpu]) => {
     },
     [WIDTH, HEIGHT],
   );
-  const raw = await page.evaluate(() => document.querySelector('kiln-viewer').model?.hasRaw);
+  await page.waitForFunction(() => document.querySelector('kiln-viewer').loaded);
+  const raw = await page.evaluate(() => document.querySelector('kiln-viewer').model.hasRaw);
   const ways = [['raw', 'hardware'], ['raw', 'exact'], ['expanded', 'hardware'], ['expanded', 'exact'], ['streamed', 'exact']];
   for (const [scheme, filter] of ways.filter(([scheme]) => scheme !== 'raw' || raw)) {
     const stats = await load(page, { scheme, filter, src });
