@@ -1,6 +1,6 @@
 // Scheme `streamed`: the kept samples as they are in the files, unrolled into integer textures (thesis, chapter 7.3). A texel's samples are
 // found through its starting point, the one before a direction by binary search along the walk, and its radiance is the line to the next,
-// rounded exactly as the reference decoder rounds it. Sixteen searches a pixel: an order of magnitude slower than arrays, at a fraction of
+// rounded exactly as the reference decoder rounds it. Sixteen searches a pixel: some eight times slower than arrays, at a fraction of
 // their memory.
 //
 // LF_DIRECT: colours are direct, without a map.

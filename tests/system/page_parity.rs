@@ -1,10 +1,11 @@
 //! The page against the reference: look-ups and pictures, for each scheme, on both software GPUs.
 //!
-//! *Look-ups*: the shader says for every pixel what it looks up (texture coordinate, direction) and what it finds; the Rust decoder looks up the same. No
-//! pixel is left out. *Pictures*: the page's radiance against `kiln render`'s own ray casting. Pixels where the two see different charts are edges, where a
-//! triangle's border falls between two roundings; they are counted, and are few. llvmpipe places what it draws to 1/256 of a pixel, so that its pictures
-//! are held to the same bounds. SwiftShader snaps corners to 1/16, and noise is not the same a sixteenth of a pixel further: there, a pixel must have a value
-//! that the reference has somewhere within it, give or take a level; one in a thousand may not, where many texels fall into a pixel.
+//! *Look-ups*: the shader says for every pixel what it looks up (texture coordinate, direction) and what it finds; the Rust decoder looks up
+//! the same. No pixel is left out. *Pictures*: the page's radiance against `kiln render`'s own ray casting. Pixels where the two see different
+//! charts are edges, where a triangle's border falls between two roundings; they are counted, and are few. llvmpipe places what it draws to
+//! 1/256 of a pixel, so that its pictures are held to the same bounds. SwiftShader snaps corners to 1/16, and noise is not the same a
+//! sixteenth of a pixel further: there, a pixel must have a value that the reference has somewhere within it, give or take a level; one in a
+//! thousand may not, where many texels fall into a pixel.
 //!
 //! Differences are in levels of 1/255 as displayed. On a failure the figures of all schemes are in the message.
 
@@ -18,7 +19,7 @@ use kiln_proto::{
     codec::pwl::Order,
     format::{
         Kind, container, header,
-        stream::{Fault, ReadAt, ReadError, Trust},
+        stream::{InMemory, ReadAt, ReadError, Trust},
         surface::SurfaceFiles,
     },
     lookup, math,
@@ -42,28 +43,8 @@ const CAMERAS: [(Vec3, Vec3); 5] = [
 ];
 const FOV: f32 = 45.0;
 
-/// A package's files in memory.
+/// The files of a package on disk, read whole.
 struct Files<'a>(&'a Path);
-
-struct InMemory {
-    name: String,
-    bytes: Vec<u8>,
-}
-
-impl ReadAt for InMemory {
-    fn name(&self) -> &str {
-        &self.name
-    }
-
-    fn length(&self) -> u64 {
-        self.bytes.len() as u64
-    }
-
-    fn read_exact_at(&self, at: u64, out: &mut [u8]) -> Result<(), Fault> {
-        out.copy_from_slice(&self.bytes[at as usize..at as usize + out.len()]);
-        Ok(())
-    }
-}
 
 impl PackageFiles for Files<'_> {
     fn open(&self, path: &str) -> Result<Box<dyn ReadAt>, ReadError> {

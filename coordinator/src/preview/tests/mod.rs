@@ -10,7 +10,7 @@ use kiln_proto::{
     codec::pwl::Sample,
     format::{
         Header, Kind,
-        stream::{Fault, ReadAt},
+        stream::{InMemory, ReadAt},
     },
     frame::FrameRule,
     plan::{ChartSource, PLAN_VERSION, PhaseResults, SurfacePlan},
@@ -72,32 +72,13 @@ fn plan_of(scene: &Scene, size: &str, directions: &str) -> Plan {
     }
 }
 
-/// A file in memory.
-struct Memory(Vec<u8>);
-
-impl ReadAt for Memory {
-    fn name(&self) -> &str {
-        "memory"
-    }
-
-    fn length(&self) -> u64 {
-        self.0.len() as u64
-    }
-
-    fn read_exact_at(&self, at: u64, out: &mut [u8]) -> Result<(), Fault> {
-        let part = self.0.get(at as usize..).and_then(|rest| rest.get(..out.len()));
-        out.copy_from_slice(part.ok_or("beyond the end")?);
-        Ok(())
-    }
-}
-
 /// The files of a package by path.
 struct Files(BTreeMap<String, Vec<u8>>);
 
 impl PackageFiles for Files {
     fn open(&self, path: &str) -> Result<Box<dyn ReadAt>, ReadError> {
         let found = self.0.get(path).ok_or_else(|| ReadError::Io { name: path.into(), source: "no such file".into() })?;
-        Ok(Box::new(Memory(found.clone())))
+        Ok(Box::new(InMemory { name: path.into(), bytes: found.clone() }))
     }
 }
 

@@ -50,6 +50,31 @@ impl<R: ReadAt + ?Sized> ReadAt for Box<R> {
     }
 }
 
+/// A file that is in memory as a whole.
+#[derive(Debug, Clone)]
+pub struct InMemory {
+    /// What messages call it.
+    pub name: String,
+    /// All of it.
+    pub bytes: Vec<u8>,
+}
+
+impl ReadAt for InMemory {
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    fn length(&self) -> u64 {
+        self.bytes.len() as u64
+    }
+
+    fn read_exact_at(&self, at: u64, out: &mut [u8]) -> Result<(), Fault> {
+        let part = usize::try_from(at).ok().and_then(|at| self.bytes.get(at..)?.get(..out.len()));
+        out.copy_from_slice(part.ok_or("beyond the end")?);
+        Ok(())
+    }
+}
+
 /// Why a surface's light could not be read.
 #[derive(Debug, thiserror::Error)]
 pub enum ReadError {

@@ -6,24 +6,8 @@ use crate::{
     units::{Exposure, byte_to_radiance},
 };
 
-/// A file in memory.
-#[derive(Debug)]
-struct Memory(Vec<u8>);
-
-impl ReadAt for Memory {
-    fn name(&self) -> &str {
-        "memory"
-    }
-
-    fn length(&self) -> u64 {
-        self.0.len() as u64
-    }
-
-    fn read_exact_at(&self, at: u64, out: &mut [u8]) -> Result<(), Fault> {
-        let part = self.0.get(at as usize..).and_then(|rest| rest.get(..out.len()));
-        out.copy_from_slice(part.ok_or("beyond the end")?);
-        Ok(())
-    }
+fn memory(bytes: Vec<u8>) -> InMemory {
+    InMemory { name: "memory".into(), bytes }
 }
 
 const DEPTH: u32 = 4;
@@ -48,14 +32,14 @@ fn files() -> [Vec<u8>; 4] {
     ]
 }
 
-fn open(files: &[Vec<u8>; 4], trust: Trust) -> Result<CodedFiles<Memory>, ReadError> {
+fn open(files: &[Vec<u8>; 4], trust: Trust) -> Result<CodedFiles<InMemory>, ReadError> {
     let found = |kind| match kind {
         Kind::Mtsp => 0,
         Kind::Mti => 1,
         Kind::Mtnc => 2,
         _ => 3,
     };
-    CodedFiles::open("s", shape(), trust, |kind| Ok(Memory(files[found(kind)].clone())))
+    CodedFiles::open("s", shape(), trust, |kind| Ok(memory(files[found(kind)].clone())))
 }
 
 #[test]
@@ -101,7 +85,7 @@ fn damage_is_found_when_a_file_is_opened_or_when_it_is_read() {
     alien[2] = file(Kind::Mtnc, 16, 5, &[0, 0, 1, 0, 1, 0, 0, 0, 2, 0]);
     assert!(open(&alien, Trust::Hashed).unwrap().read(Run { first: 2, count: 1 }).unwrap_err().to_string().contains("colour map"));
     let other = Shape { directions: 6, ..shape() };
-    let opened = Starts::open(Memory(files()[0].clone()), other, Trust::Hashed);
+    let opened = Starts::open(memory(files()[0].clone()), other, Trust::Hashed);
     assert!(opened.unwrap_err().to_string().contains("not that of the package's plan"));
 }
 
@@ -109,7 +93,7 @@ fn damage_is_found_when_a_file_is_opened_or_when_it_is_read() {
 fn raw_samples_are_read_in_either_format() {
     let exposure = Exposure { eighths: -8 };
     let bytes: Vec<u8> = (0..36).collect();
-    let open = |file: Vec<u8>, format| RawFiles::open(Memory(file), shape(), Trust::Checksum, format, exposure);
+    let open = |file: Vec<u8>, format| RawFiles::open(memory(file), shape(), Trust::Checksum, format, exposure);
     let coded = open(file(Kind::Mtex, 8, 12, &bytes), RawFormat::U8).unwrap();
     let runs = [Run { first: 2, count: 1 }, Run { first: 0, count: 1 }];
     let expected: Vec<[u8; 3]> = [&bytes[24..36], &bytes[..12]].concat().as_chunks().0.to_vec();
