@@ -63,7 +63,7 @@ pub(crate) fn run(args: &Args, json: bool, out: &mut dyn Write) -> Result<(), To
 
 fn chosen(package: &Package, names: &[String]) -> Result<Vec<usize>, ToolError> {
     if names.is_empty() {
-        let dark = |(_, s): &(usize, &kiln_proto::scene::Surface)| !package.scene.material(s).is_emissive();
+        let dark = |(_, s): &(usize, &kiln_proto::scene::Surface)| !package.scene.is_emissive(s);
         return Ok(package.scene.surfaces.iter().enumerate().filter(dark).map(|(index, _)| index).collect());
     }
     let known = || package.scene.surfaces.iter().map(|s| s.name.as_str()).collect::<Vec<_>>().join(", ");

@@ -52,7 +52,7 @@ pub fn make_plan(scene: &Scene, scene_hash: SceneHash, settings: &BakeSettings) 
 fn check_samples(scene: &Scene, surface: &Surface, plan: &SurfacePlan, settings: &BakeSettings) -> Result<Option<Problem>, Problem> {
     let texels: u64 = plan.tiles.iter().map(|t| u64::from(t.covered) + u64::from(t.gutter)).sum();
     let most = texels * u64::from(settings.directions.len());
-    if most <= u64::from(u32::MAX) || !scene.material(surface).is_specular() {
+    if most <= u64::from(u32::MAX) || !scene.is_view_dependent(surface) {
         return Ok(None);
     }
     let (name, size, directions) = (&surface.name, plan.size, settings.directions);

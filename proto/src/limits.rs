@@ -12,6 +12,12 @@ pub const TEXTURE_PIXELS: u64 = 16_384 * 16_384;
 pub const TRIANGLES: usize = 50_000_000;
 /// Surfaces of one scene.
 pub const SURFACES: usize = 65_535;
+/// Lights, cameras or projectors of one scene.
+pub const LIGHTS: usize = 16_384;
+/// Texture coordinate sets of one surface.
+pub const UV_SETS: usize = 8;
+/// Pixels of an environment map.
+pub const ENVIRONMENT_PIXELS: u64 = 16_384 * 8_192;
 /// Bytes of a name (surface, material, label).
 pub const NAME_BYTES: usize = 1_024;
 /// Texels along one side of a surface's texture.

@@ -18,7 +18,7 @@ use crate::{
 use serde::{Deserialize, Serialize};
 
 /// The version of the plan's form.
-pub const PLAN_VERSION: u32 = 1;
+pub const PLAN_VERSION: u32 = 2;
 
 /// Everything a worker needs beside the scene.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -63,6 +63,12 @@ pub enum ChartSource {
     Author,
     /// One chart per flat polygon, packed on shelves.
     Polygons,
+    /// Charts of neighbouring triangles, found and packed automatically.
+    Atlas,
+    /// Each part laid out by itself, then packed together.
+    Parts,
+    /// The layout of the front, mirrored: what the back of a two-sided surface has.
+    Front,
 }
 
 /// A tile with what it costs.

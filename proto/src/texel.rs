@@ -103,8 +103,6 @@ impl Flat {
 pub struct SurfaceRaster {
     /// World corners of each triangle, metres.
     corners: Vec<[DVec3; 3]>,
-    /// The author's texture coordinates of each triangle.
-    author: Vec<Option<[[f32; 2]; 3]>>,
     charts: Vec<u32>,
     flats: Vec<Flat>,
     frames: Vec<Option<Frame>>,
@@ -125,9 +123,8 @@ impl SurfaceRaster {
         let corners: Vec<[DVec3; 3]> = surface.triangles.iter().map(|t| scene.corners(t)).collect();
         let frame = |(p, uv): (&[DVec3; 3], &[[f32; 2]; 3])| Frame::of_triangle(*p, uv.map(|c| c.map(f64::from)), rule);
         let frames = corners.iter().zip(&plan.uv).map(frame).collect();
-        let author = surface.triangles.iter().map(|t| t.uv).collect();
         let (starts, bins) = bin(&flats, width, height);
-        Self { corners, author, charts: plan.charts.clone(), flats, frames, width, height, starts, bins }
+        Self { corners, charts: plan.charts.clone(), flats, frames, width, height, starts, bins }
     }
 
     /// Cells along u.
@@ -211,14 +208,6 @@ impl SurfaceRaster {
         rows
     }
 
-    /// The author's texture coordinates at a point, or (0, 0) where there are none.
-    #[must_use]
-    pub fn author_uv(&self, point: &SurfacePoint) -> [f32; 2] {
-        let [b, c] = point.bary;
-        self.author[point.triangle as usize]
-            .map_or([0.0; 2], |uv| std::array::from_fn(|k| uv[0][k] * (1.0 - b - c) + uv[1][k] * b + uv[2][k] * c))
-    }
-
     fn point(&self, triangle: u32, bary: DVec2) -> SurfacePoint {
         SurfacePoint { triangle, bary: [bary.x as f32, bary.y as f32], position: self.position(triangle, bary) }
     }
@@ -274,10 +263,10 @@ mod tests {
     /// A unit square of two triangles with the given texture coordinates of its corners.
     fn square(uv: [[f32; 2]; 4], width: u32, height: u32) -> (Scene, SurfacePlan) {
         let corners = [[0u32, 1, 2], [0, 2, 3]];
-        let triangles = corners.iter().map(|c| Triangle { corners: *c, uv: Some(c.map(|k| uv[k as usize])), polygon: 0 }).collect();
-        let surface = Surface { name: "s".into(), file_stem: "s".into(), material: 0, triangles };
+        let triangles = corners.iter().map(|c| (Triangle { corners: *c, polygon: 0 }, Some(c.map(|k| uv[k as usize])))).collect();
+        let surface = Surface::plain("s", 0, triangles);
         let positions = vec![[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
-        let scene = Scene { version: 1, positions, surfaces: vec![surface], materials: vec![], textures: vec![] };
+        let scene = Scene { positions, surfaces: vec![surface], ..Scene::empty() };
         let plan = SurfacePlan {
             size: TextureSize { width, height },
             source: ChartSource::Author,
@@ -337,13 +326,5 @@ mod tests {
         assert_eq!(share(&plan), 64, "the diagonal runs through the texel, both halves count");
         plan.charts = vec![0, 1];
         assert!(share(&plan) < 64, "another chart is another surface in the texture");
-    }
-
-    #[test]
-    fn author_coordinates_are_interpolated() {
-        let (scene, plan) = square([[0.0, 0.0], [0.5, 0.0], [0.5, 0.5], [0.0, 0.5]], 64, 64);
-        let raster = SurfaceRaster::new(&scene, &scene.surfaces[0], &plan, FrameRule::Texture);
-        let uv = raster.author_uv(&raster.centre(&raster.texel(10, 20).unwrap()));
-        assert!((uv[0] - 10.5 / 64.0).abs() < 1e-6 && (uv[1] - 20.5 / 64.0).abs() < 1e-6);
     }
 }

@@ -7,7 +7,7 @@ use kiln_proto::{
     frame::FrameRule,
     grid::Walk,
     plan::{ChartSource, PLAN_VERSION, PhaseResults, Plan, PlannedTile, SurfacePlan},
-    scene::{Lobe, Material, SCENE_VERSION, Scene, Surface, Triangle},
+    scene::{Lobe, Material, Phong, Reflection, Scene, Surface, Triangle},
     settings::{RawFormat, Rule, SettingsPatch, TextureSize},
     texel::{Row, SurfaceRaster, Texel},
     tile::{Cell, TileIndex},
@@ -41,31 +41,23 @@ pub(crate) fn radiance(texel: &Texel, toward: glam::Vec3) -> [f32; 3] {
 fn scene() -> Scene {
     let quad = |name: &str, material, z: u32, scale: f32| {
         let uv = [[0.0, 0.0], [scale, 0.0], [scale, scale], [0.0, scale]];
-        let triangle = |c: [usize; 3]| Triangle { corners: c.map(|k| z * 4 + k as u32), uv: Some(c.map(|k| uv[k])), polygon: 0 };
-        Surface { name: name.into(), file_stem: name.into(), material, triangles: vec![triangle([0, 1, 2]), triangle([0, 2, 3])] }
+        let triangle = |c: [usize; 3]| (Triangle { corners: c.map(|k| z * 4 + k as u32), polygon: 0 }, Some(c.map(|k| uv[k])));
+        Surface::plain(name, material, vec![triangle([0, 1, 2]), triangle([0, 2, 3])])
     };
-    let material = |name: &str, emission| Material {
-        name: name.into(),
-        diffuse: Rgb::splat(0.5),
-        diffuse_texture: None,
-        specular: Rgb::splat(0.25),
-        lobe: Lobe::Phong { exponent: 20.0 },
-        emission: Rgb::splat(emission),
-        emission_texture: None,
-    };
+    let gloss = Phong { specular: Rgb::splat(0.25), lobe: Lobe::Phong { exponent: 20.0 }, ..Phong::matt(Rgb::splat(0.5)) };
+    let material = |name: &str, emission| Material::new(name, Reflection::Phong(gloss.clone())).emitting(Rgb::splat(emission));
     let corners = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
     Scene {
-        version: SCENE_VERSION,
         positions: (0..2u8).flat_map(|z| corners.map(|[x, y]| [x, y, f32::from(z)])).collect(),
         surfaces: vec![quad("wall", 0, 0, 0.5), quad("lamp", 1, 1, 1.0)],
         materials: vec![material("paint", 0.0), material("light", 4.0)],
-        textures: vec![],
+        ..Scene::empty()
     }
 }
 
 fn lay_out(scene: &Scene, surface: usize, size: &str) -> SurfacePlan {
     let size: TextureSize = size.parse().unwrap();
-    let uv = scene.surfaces[surface].triangles.iter().map(|t| t.uv.unwrap()).collect();
+    let uv = scene.surfaces[surface].uv_sets[0].iter().map(|uv| uv.unwrap()).collect();
     let mut plan = SurfacePlan { size, source: ChartSource::Author, uv, charts: vec![0, 0], covered: 0, tiles: vec![] };
     let raster = SurfaceRaster::new(scene, &scene.surfaces[surface], &plan, FrameRule::Texture);
     let mut cells: Vec<Cell> =

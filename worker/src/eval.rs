@@ -78,7 +78,7 @@ fn answer(
     let toward = query.direction.try_normalize().filter(|_| query.position.is_finite()).ok_or(QueryError::NotADirection)?;
     let (surface, point) = locate(scene, query)?;
     let triangle = &scene.scene().surfaces[surface].triangles[point.triangle as usize];
-    let uv = triangle.uv.unwrap_or_default().map(|c| c.map(f64::from));
+    let uv = scene.scene().surfaces[surface].uv(0, point.triangle as usize).unwrap_or_default().map(|c| c.map(f64::from));
     let frame = Frame::of_triangle(scene.scene().corners(triangle), uv, settings.frame)
         .unwrap_or(scene.prim(scene.prim_of(surface, point.triangle)).frame);
     let wo = frame.to_local(toward);

@@ -12,7 +12,7 @@ use crate::{
 use glam::{DVec3, Vec3};
 use kiln_proto::{
     frame::Frame,
-    scene::{InvalidScene, Lobe, Material, Scene},
+    scene::{InvalidScene, Lobe, Material, Phong, Reflection, Scene, TextureRef},
     texel::SurfacePoint,
     units::Rgb,
 };
@@ -73,7 +73,10 @@ impl BakeScene {
         let (mut prims, mut first) = (Vec::with_capacity(scene.triangle_count()), Vec::with_capacity(scene.surfaces.len()));
         for surface in &scene.surfaces {
             first.push(prims.len() as u32);
-            prims.extend(surface.triangles.iter().map(|t| prim(scene.corners(t), t.uv.unwrap_or_default(), surface.material)));
+            for (index, (t, part)) in surface.triangles.iter().zip(surface.part_of_triangles()).enumerate() {
+                let uv = surface.uv(0, index).unwrap_or_default();
+                prims.push(prim(scene.corners(t), uv, surface.parts[part].material));
+            }
         }
         let soup: Vec<[Vec3; 3]> = prims.iter().map(|p| p.corners).collect();
         let accel = Accel::build(&soup);
@@ -119,7 +122,7 @@ impl BakeScene {
     /// The material of a surface.
     #[must_use]
     pub fn material(&self, surface: usize) -> &Material {
-        self.scene.material(&self.scene.surfaces[surface])
+        &self.scene.materials[self.scene.surfaces[surface].parts[0].material as usize]
     }
 
     /// The nearest hit of a ray.
@@ -147,7 +150,7 @@ impl BakeScene {
         let p = self.prim(prim);
         let material = &self.scene.materials[p.material as usize];
         match material.emission_texture {
-            Some(t) if material.is_emissive() => material.emission * texture::lookup(&self.scene.textures[t as usize], p.uv_at(bary)),
+            Some(t) if material.is_emissive() => material.emission * self.look_up(&t, p.uv_at(bary)),
             _ => material.emission,
         }
     }
@@ -157,11 +160,14 @@ impl BakeScene {
     pub fn bsdf(&self, prim: u32, bary: [f32; 2]) -> Bsdf {
         let p = self.prim(prim);
         let material = &self.scene.materials[p.material as usize];
-        let diffuse = match material.diffuse_texture {
-            Some(t) => material.diffuse * texture::lookup(&self.scene.textures[t as usize], p.uv_at(bary)),
-            None => material.diffuse,
-        };
+        let Some(phong) = phong(material) else { return Bsdf { diffuse: Rgb::BLACK, specular: Specular::None } };
+        let uv = p.uv_at(bary);
+        let diffuse = phong.layers.iter().fold(phong.diffuse, |c, layer| c * self.look_up(&layer.texture, uv));
         Bsdf { diffuse, specular: specular(material) }
+    }
+
+    fn look_up(&self, texture: &TextureRef, uv: [f32; 2]) -> Rgb {
+        texture::lookup(&self.scene.textures[texture.texture as usize], uv)
     }
 
     /// The vertex of a path where a ray met a primitive.
@@ -189,13 +195,20 @@ impl Prim {
     }
 }
 
+/// A material as Phong's, where it is one.
+#[must_use]
+pub fn phong(material: &Material) -> Option<&Phong> {
+    if let Reflection::Phong(phong) = &material.reflection { Some(phong) } else { None }
+}
+
 /// The specular part of a material.
 #[must_use]
 pub fn specular(material: &Material) -> Specular {
-    match material.lobe {
-        _ if !material.is_specular() => Specular::None,
-        Lobe::Phong { exponent } => Specular::Phong { ks: material.specular, exponent: Exponent::new(exponent) },
-        Lobe::Mirror => Specular::Mirror { ks: material.specular },
+    let Some(phong) = phong(material) else { return Specular::None };
+    match phong.lobe {
+        _ if phong.specular.max_channel() <= 0.0 => Specular::None,
+        Lobe::Phong { exponent } => Specular::Phong { ks: phong.specular, exponent: Exponent::new(exponent) },
+        Lobe::Mirror => Specular::Mirror { ks: phong.specular },
     }
 }
 
@@ -209,7 +222,7 @@ fn prim(corners: [DVec3; 3], uv: [[f32; 2]; 3], material: u32) -> Prim {
 
 fn lights(scene: &Scene, prims: &[Prim]) -> Lights {
     let radiance = |m: &Material| match m.emission_texture {
-        Some(t) if m.is_emissive() => (m.emission * texture::mean(&scene.textures[t as usize])).mean(),
+        Some(t) if m.is_emissive() => (m.emission * texture::mean(&scene.textures[t.texture as usize])).mean(),
         _ => m.emission.mean(),
     };
     let radiance: Vec<f32> = scene.materials.iter().map(radiance).collect();

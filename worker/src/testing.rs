@@ -9,7 +9,7 @@ use kiln_proto::{
     frame::FrameRule,
     ids::SceneHash,
     plan::{ChartSource, PLAN_VERSION, Plan, PlannedTile, SurfacePlan},
-    scene::{Lobe, Material, SCENE_VERSION, Scene, Surface, Triangle},
+    scene::{Lobe, Material, Phong, Reflection, Scene, Surface, Triangle},
     settings::{BakeSettings, SettingsPatch, TextureSize},
     texel::SurfaceRaster,
     tile::Cell,
@@ -32,30 +32,26 @@ pub(crate) fn thread_seconds() -> f64 {
 
 /// A diffuse material.
 pub(crate) fn lambert(kd: f32, ke: f32) -> Material {
-    Material {
-        name: "m".into(),
-        diffuse: Rgb::splat(kd),
-        diffuse_texture: None,
-        specular: Rgb::BLACK,
-        lobe: Lobe::Phong { exponent: 1.0 },
-        emission: Rgb::splat(ke),
-        emission_texture: None,
-    }
+    Material::matt("m", Rgb::splat(kd)).emitting(Rgb::splat(ke))
 }
 
 /// A glossy material.
 pub(crate) fn phong(kd: f32, ks: f32, exponent: f32) -> Material {
-    Material { specular: Rgb::splat(ks), lobe: Lobe::Phong { exponent }, ..lambert(kd, 0.0) }
+    specular(kd, ks, Lobe::Phong { exponent })
 }
 
 /// A mirror over a diffuse base.
 pub(crate) fn mirror(kd: f32, ks: f32, ke: f32) -> Material {
-    Material { specular: Rgb::splat(ks), lobe: Lobe::Mirror, ..lambert(kd, ke) }
+    specular(kd, ks, Lobe::Mirror).emitting(Rgb::splat(ke))
+}
+
+fn specular(kd: f32, ks: f32, lobe: Lobe) -> Material {
+    Material::new("m", Reflection::Phong(Phong { specular: Rgb::splat(ks), lobe, ..Phong::matt(Rgb::splat(kd)) }))
 }
 
 /// An empty scene.
 pub(crate) fn empty() -> Scene {
-    Scene { version: SCENE_VERSION, positions: vec![], surfaces: vec![], materials: vec![], textures: vec![] }
+    Scene::empty()
 }
 
 /// Adds a parallelogram as a surface of its own; its front is where `u x v` points, its texture coordinates are the unit square.
@@ -65,9 +61,8 @@ pub(crate) fn add_quad(scene: &mut Scene, name: &str, corner: [f32; 3], u: [f32;
     let square = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
     scene.positions.extend(square.map(|[a, b]| -> [f32; 3] { at(a, b) }));
     let triangle =
-        |c: [u32; 3]| Triangle { corners: c.map(|k| first + k), uv: Some(c.map(|k| square[k as usize].map(|x: f32| x))), polygon: 0 };
-    let triangles = vec![triangle([0, 1, 2]), triangle([0, 2, 3])];
-    let surface = Surface { name: name.into(), file_stem: name.into(), material: scene.materials.len() as u32, triangles };
+        |c: [u32; 3]| (Triangle { corners: c.map(|k| first + k), polygon: 0 }, Some(c.map(|k| square[k as usize].map(|x: f32| x))));
+    let surface = Surface::plain(name, scene.materials.len() as u32, vec![triangle([0, 1, 2]), triangle([0, 2, 3])]);
     scene.materials.push(material);
     scene.surfaces.push(surface);
 }
@@ -116,16 +111,17 @@ pub(crate) fn load(name: &str) -> Scene {
             Some("vt") => uv.push([number(1), number(2)]),
             Some("o") => {
                 let name = words[1].to_owned();
-                scene.surfaces.push(Surface { file_stem: name.clone(), name, material: 0, triangles: vec![] });
+                scene.surfaces.push(Surface { uv_sets: vec![vec![]], ..Surface::plain(name, 0, vec![]) });
             }
-            Some("usemtl") => scene.surfaces.last_mut().unwrap().material = materials[words[1]],
+            Some("usemtl") => scene.surfaces.last_mut().unwrap().parts[0].material = materials[words[1]],
             Some("f") => {
                 let corner = |k: usize| words[k].split('/').map(|i| i.parse::<u32>().unwrap() - 1).collect::<Vec<u32>>();
                 let c = [corner(1), corner(2), corner(3)];
-                let triangles = &mut scene.surfaces.last_mut().unwrap().triangles;
-                let polygon = triangles.len() as u32 / 2;
-                let texture = std::array::from_fn(|k| uv[c[k][1] as usize]);
-                triangles.push(Triangle { corners: std::array::from_fn(|k| c[k][0]), uv: Some(texture), polygon });
+                let surface = scene.surfaces.last_mut().unwrap();
+                let polygon = surface.triangles.len() as u32 / 2;
+                surface.uv_sets[0].push(Some(std::array::from_fn(|k| uv[c[k][1] as usize])));
+                surface.triangles.push(Triangle { corners: std::array::from_fn(|k| c[k][0]), polygon });
+                surface.parts[0].triangles += 1;
             }
             _ => {}
         }
@@ -141,16 +137,23 @@ fn load_materials(text: &str, scene: &mut Scene) -> BTreeMap<String, u32> {
         match words.first().copied() {
             Some("newmtl") => {
                 names.insert(words[1].to_owned(), scene.materials.len() as u32);
-                scene.materials.push(Material { name: words[1].into(), ..lambert(0.0, 0.0) });
+                scene.materials.push(Material::matt(words[1], Rgb::BLACK));
             }
-            Some("Kd") => scene.materials.last_mut().unwrap().diffuse = colour(),
-            Some("Ks") => scene.materials.last_mut().unwrap().specular = colour(),
+            Some("Kd") => last_phong(scene).diffuse = colour(),
+            Some("Ks") => last_phong(scene).specular = colour(),
             Some("Ke") => scene.materials.last_mut().unwrap().emission = colour(),
-            Some("Ns") => scene.materials.last_mut().unwrap().lobe = Lobe::Phong { exponent: words[1].parse().unwrap() },
+            Some("Ns") => last_phong(scene).lobe = Lobe::Phong { exponent: words[1].parse().unwrap() },
             _ => {}
         }
     }
     names
+}
+
+fn last_phong(scene: &mut Scene) -> &mut Phong {
+    match &mut scene.materials.last_mut().unwrap().reflection {
+        Reflection::Phong(phong) => phong,
+        other => panic!("{other:?}"),
+    }
 }
 
 /// A plan in the author's texture coordinates: sizes from `settings.texture_sizes`, 8x8 where they say nothing, times `texel_scale`.
@@ -158,7 +161,7 @@ pub(crate) fn plan(scene: &Scene, settings: &BakeSettings) -> Plan {
     let layout = |surface: &Surface| {
         let given = settings.texture_sizes.get(&surface.name).copied().unwrap_or(TextureSize { width: 8, height: 8 });
         let scale = |n: u32| ((n as f32 * settings.texel_scale).round() as u32).max(1);
-        let uv = surface.triangles.iter().map(|t| t.uv.unwrap()).collect();
+        let uv = surface.uv_sets[0].iter().map(|uv| uv.unwrap()).collect();
         let charts = surface.triangles.iter().map(|t| t.polygon).collect();
         let size = TextureSize { width: scale(given.width), height: scale(given.height) };
         let mut plan = SurfacePlan { size, source: ChartSource::Author, uv, charts, covered: 0, tiles: vec![] };

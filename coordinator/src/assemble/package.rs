@@ -8,11 +8,14 @@ use kiln_proto::{
     codec::pwl::ErrorStats,
     format::{
         FileRecord, Kind, Manifest, PackageHash, Sha256Hex, container,
-        manifest::{self, Bounds, Encoding, ErrorSummary, ExposureRecord, MaterialRecord, SCHEMA_VERSION, SurfaceRecord, Totals, Units},
+        manifest::{
+            self, Bounds, Encoding, ErrorSummary, ExposureRecord, MaterialRecord, PartRecord, ReflectionRecord, SCHEMA_VERSION,
+            SurfaceRecord, Totals, Units,
+        },
         package_hash,
     },
     plan::{PhaseResults, Plan},
-    scene::{Lobe, Material, Scene},
+    scene::{Lobe, Material, Part, Reflection, Scene},
 };
 use sha2::{Digest as _, Sha256};
 use std::{fs, path::Path};
@@ -102,7 +105,8 @@ fn surface(scene: &Scene, plan: &Plan, probe: &PhaseResults, report: &SurfaceRep
         size: layout.size,
         charts: layout.source,
         covered: layout.covered,
-        material: material(scene, scene.material(surface)),
+        back_of: surface.back_of,
+        parts: surface.parts.iter().map(|p| part(scene, p)).collect(),
         grid: plan.settings.directions,
         codec: plan.settings.codec,
         rule: plan.settings.rule,
@@ -140,17 +144,23 @@ fn ratio(raw: u64, coded: u64) -> f64 {
     raw as f64 / coded.max(1) as f64
 }
 
+fn part(scene: &Scene, part: &Part) -> PartRecord {
+    PartRecord { name: part.name.clone(), triangles: part.triangles, material: material(scene, &scene.materials[part.material as usize]) }
+}
+
 fn material(scene: &Scene, m: &Material) -> MaterialRecord {
-    let texture = |t: u32| scene.textures[t as usize].name.clone();
-    MaterialRecord {
-        name: m.name.clone(),
-        diffuse: m.diffuse.to_array(),
-        diffuse_texture: m.diffuse_texture.map(texture),
-        specular: m.specular.to_array(),
-        exponent: match m.lobe {
-            Lobe::Phong { exponent } => Some(exponent),
-            Lobe::Mirror => None,
-        },
-        emission: m.emission.to_array(),
-    }
+    let (reflection, layers) = match &m.reflection {
+        Reflection::None => (ReflectionRecord::None, &[][..]),
+        Reflection::Phong(p) => {
+            let exponent = if let Lobe::Phong { exponent } = p.lobe { Some(exponent) } else { None };
+            (ReflectionRecord::Phong { diffuse: p.diffuse.to_array(), specular: p.specular.to_array(), exponent }, p.layers.as_slice())
+        }
+        Reflection::MetallicRoughness(p) => {
+            let (base_color, metallic, roughness) = (p.base_color.to_array(), p.metallic, p.roughness);
+            let record = ReflectionRecord::MetallicRoughness { base_color, metallic, roughness, transmission: p.transmission };
+            (record, p.layers.as_slice())
+        }
+    };
+    let textures = layers.iter().map(|l| scene.textures[l.texture.texture as usize].name.clone()).collect();
+    MaterialRecord { name: m.name.clone(), reflection, textures, emission: m.emission.to_array(), lets_through: m.lets_through() }
 }

@@ -4,7 +4,7 @@ use kiln_proto::{
     format::surface::SurfaceFiles,
     grid::{SphericalGrid, Walk},
     plan::{ChartSource, PLAN_VERSION, PhaseResults, PlannedTile},
-    scene::{Lobe, Material, SCENE_VERSION, Scene, Surface, Triangle},
+    scene::{Material, Scene, Surface, Triangle},
     segment::{Raw, Rows, TexelMask},
     settings::{SettingsPatch, TextureSize},
     tile::Cell,
@@ -34,24 +34,13 @@ struct Made {
 
 fn scene() -> Scene {
     Scene {
-        version: SCENE_VERSION,
         positions: vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]],
         surfaces: vec![Surface {
-            name: "the floor".into(),
             file_stem: "the_floor".into(),
-            material: 0,
-            triangles: vec![Triangle { corners: [0, 1, 2], uv: None, polygon: 0 }],
+            ..Surface::plain("the floor", 0, vec![(Triangle { corners: [0, 1, 2], polygon: 0 }, None)])
         }],
-        materials: vec![Material {
-            name: "grey".into(),
-            diffuse: Rgb::splat(0.5),
-            diffuse_texture: None,
-            specular: Rgb::BLACK,
-            lobe: Lobe::Phong { exponent: 1.0 },
-            emission: Rgb::BLACK,
-            emission_texture: None,
-        }],
-        textures: vec![],
+        materials: vec![Material::matt("grey", Rgb::splat(0.5))],
+        ..Scene::empty()
     }
 }
 

@@ -1,5 +1,8 @@
 use super::*;
-use kiln_proto::{scene::Lobe, units::Rgb};
+use kiln_proto::{
+    scene::{LayerMode, Lobe, Phong, Reflection, TextureLayer, TextureRef},
+    units::Rgb,
+};
 use proptest::prelude::*;
 use std::path::PathBuf;
 
@@ -25,6 +28,13 @@ fn own(name: &str) -> Result<Imported, Vec<Problem>> {
 
 const TRIANGLE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
 
+fn phong_of<'a>(scene: &'a Scene, surface: &str) -> &'a Phong {
+    match &scene.materials[scene.surface(surface).unwrap().1.parts[0].material as usize].reflection {
+        Reflection::Phong(phong) => phong,
+        other => panic!("{other:?}"),
+    }
+}
+
 #[test]
 fn an_awkward_file_imports_with_everything_said() {
     let Imported { scene, warnings, statistics } = own("awkward.obj").unwrap();
@@ -33,13 +43,14 @@ fn an_awkward_file_imports_with_everything_said() {
     assert_eq!(scene.surfaces.iter().map(|s| s.file_stem.as_str()).collect::<Vec<_>>(), ["floor_plan", "lamp.glow", "lamp.chrome"]);
     assert_eq!((statistics.materials, statistics.textures, statistics.emissive_triangles), (3, 1, 2));
     assert_eq!((statistics.low, statistics.high), ([0.0, 0.0, -4.0], [4.0, 3.0, 0.0]));
-    let chrome = scene.material(scene.surface("lamp.chrome").unwrap().1);
+    let chrome = phong_of(&scene, "lamp.chrome");
     assert_eq!((chrome.lobe, chrome.specular), (Lobe::Mirror, Rgb::splat(0.9)));
-    let board = scene.material(scene.surface("floor plan").unwrap().1);
-    assert_eq!((board.diffuse_texture, board.lobe), (Some(0), Lobe::Phong { exponent: 40.0 }));
+    let board = phong_of(&scene, "floor plan");
+    let checker = TextureLayer { texture: TextureRef::plain(0, 0), mode: LayerMode::Modulate { scale: 1.0 } };
+    assert_eq!((board.layers.as_slice(), board.lobe), (&[checker][..], Lobe::Phong { exponent: 40.0 }));
     assert!((board.diffuse.r - 2.0 / 3.0).abs() < 1e-6 && (board.specular.r - 1.0 / 3.0).abs() < 1e-6);
     // Kd + Ks = 1.5 was scaled to one; the texture's bottom row comes first and begins dark.
-    assert_eq!(&scene.textures[0].rgb[..6], [40, 40, 60, 230, 230, 230]);
+    assert_eq!(&scene.textures[0].texels[..6], [40, 40, 60, 230, 230, 230]);
     let expected = [
         "awkward paint.mtl:7: `bump`",
         "awkward paint.mtl:14: `Pr`",
@@ -88,7 +99,7 @@ fn what_is_missing_or_unknown_is_repaired_and_said() {
     assert!(said[0].starts_with("a.obj:1: the material library `gone.mtl`"));
     assert!(said[1].starts_with("a.obj:5: the material `gone`"));
     assert!(said[2].starts_with("a.obj: nothing in the scene emits light"));
-    assert_eq!(imported.scene.materials[0].diffuse, Rgb::splat(0.5));
+    assert_eq!(phong_of(&imported.scene, "a").diffuse, Rgb::splat(0.5));
     assert_eq!(imported.scene.triangle_count(), 2, "the back of a triangle is no duplicate");
 }
 
@@ -111,7 +122,8 @@ fn illumination_models_decide_the_lobe() {
     let lobe = |mtl: &str| {
         let (m, warnings) = material(mtl).unwrap();
         assert_eq!(warnings, [""; 0]);
-        (m.specular.r, m.lobe)
+        let Reflection::Phong(phong) = m.reflection else { panic!("{m:?}") };
+        (phong.specular.r, phong.lobe)
     };
     let phong = |exponent| Lobe::Phong { exponent };
     assert_eq!(lobe("Ks 0.5\nNs 20\nillum 2"), (0.5, phong(20.0)));
@@ -162,7 +174,7 @@ fn questionable_materials_are_warned_of() {
 fn texture_coordinates_survive_or_are_dropped_whole() {
     let text = format!("{TRIANGLE}v 0 0 1\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\nf 1/1 2 4\nf 2/3/9 3/2/9 4/1/9");
     let imported = import_files(&[("a.obj", &text)]).unwrap();
-    let uv: Vec<_> = imported.scene.surfaces[0].triangles.iter().map(|t| t.uv).collect();
+    let uv: Vec<_> = imported.scene.surfaces[0].uv_sets[0].clone();
     let corners = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]];
     assert_eq!(uv, [Some(corners), None, Some([corners[2], corners[1], corners[0]])]);
 }

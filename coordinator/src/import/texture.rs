@@ -4,7 +4,10 @@
 
 use super::format::extension;
 use image::{DynamicImage, ImageFormat, ImageReader, Limits, imageops::flip_vertical_in_place};
-use kiln_proto::{limits, scene::Texture};
+use kiln_proto::{
+    limits,
+    scene::{Coding, Texture},
+};
 use std::io::Cursor;
 
 /// Bytes that decoding one image may take beside its pixels in the scene.
@@ -58,7 +61,10 @@ pub(super) fn decode(name: &str, bytes: &[u8]) -> Result<Decoded, TextureError> 
     let mut rgb = image.into_rgb8();
     // The scene's row 0 is v = 0, the bottom; an image's first row is its top.
     flip_vertical_in_place(&mut rgb);
-    Ok(Decoded { texture: Texture { name: name.to_owned(), width, height, rgb: rgb.into_raw() }, transparent })
+    Ok(Decoded {
+        texture: Texture { name: name.to_owned(), width, height, coding: Coding::Srgb, has_alpha: false, texels: rgb.into_raw() },
+        transparent,
+    })
 }
 
 fn is_transparent(image: &DynamicImage) -> bool {
@@ -84,7 +90,7 @@ mod tests {
         let mut image = RgbaImage::from_pixel(1, 2, Rgba([1, 2, 3, 255]));
         image.put_pixel(0, 1, Rgba([9, 8, 7, 255]));
         let opaque = decode("t.png", &png(image.clone())).unwrap();
-        assert_eq!((opaque.texture.rgb, opaque.transparent), (vec![9, 8, 7, 1, 2, 3], false));
+        assert_eq!((opaque.texture.texels, opaque.transparent), (vec![9, 8, 7, 1, 2, 3], false));
         image.put_pixel(0, 0, Rgba([1, 2, 3, 254]));
         assert!(decode("t.png", &png(image)).unwrap().transparent);
     }

@@ -1,6 +1,9 @@
 use super::*;
 use crate::import::{Content, Part, import_bundle};
-use kiln_proto::{scene::Scene, settings::SettingsPatch};
+use kiln_proto::{
+    scene::{Reflection, Scene},
+    settings::SettingsPatch,
+};
 use std::{collections::BTreeMap, path::PathBuf};
 
 fn folder(name: &str) -> PathBuf {
@@ -73,7 +76,7 @@ fn a_plan_without_a_texel_is_refused_and_a_surface_without_one_is_named() {
     settings.texture_sizes.clear();
     // The light's chart shrinks into a corner of the only texel, beside its centre.
     scene.surfaces.retain(|s| s.name == "light");
-    for uv in scene.surfaces[0].triangles.iter_mut().flat_map(|t| &mut t.uv) {
+    for uv in scene.surfaces[0].uv_sets[0].iter_mut().flatten() {
         *uv = uv.map(|c| c.map(|v| v * 0.25));
     }
     settings.texture_sizes.insert("light".into(), "1x1".parse().unwrap());
@@ -85,12 +88,14 @@ fn a_plan_without_a_texel_is_refused_and_a_surface_without_one_is_named() {
 fn more_samples_than_a_file_addresses_are_told_before_the_bake() {
     let mut scene = scene("thesis-room", &["thesis.obj", "thesis.mtl"]);
     scene.surfaces.retain(|s| s.name == "floor");
-    let material = scene.surfaces[0].material as usize;
+    let material = scene.surfaces[0].parts[0].material as usize;
     let mut settings = nominal("thesis-room");
     settings.directions = "64x64".parse().unwrap();
     settings.texture_sizes = BTreeMap::from([("floor".to_owned(), "1100x1100".parse().unwrap())]);
     let mut ask = |gloss: f32, rule| {
-        scene.materials[material].specular = kiln_proto::units::Rgb::splat(gloss);
+        if let Reflection::Phong(phong) = &mut scene.materials[material].reflection {
+            phong.specular = kiln_proto::units::Rgb::splat(gloss);
+        }
         settings.rule = rule;
         make_plan(&scene, SceneHash::of(b""), &settings).map(|(_, warnings)| warnings.into_iter().map(|w| w.message).collect::<Vec<_>>())
     };

@@ -57,14 +57,15 @@ pub(super) fn lay_out(scene: &Scene, surface: &Surface, wanted: Wanted) -> Resul
 /// All coordinates, clamped to the unit square.
 fn coordinates(surface: &Surface) -> Result<Vec<[[f32; 2]; 3]>, Unusable> {
     let all = surface.triangles.len();
-    let without = surface.triangles.iter().filter(|t| t.uv.is_none()).count();
+    let set = surface.uv_sets.first().map_or(&[][..], Vec::as_slice);
+    let without = all - set.iter().flatten().count();
     if without == all {
         return Err(Unusable::Missing);
     }
     if without > 0 {
         return Err(Unusable::Partial { without, all });
     }
-    let uv: Vec<[[f32; 2]; 3]> = surface.triangles.iter().filter_map(|t| t.uv).collect();
+    let uv: Vec<[[f32; 2]; 3]> = set.iter().copied().flatten().collect();
     let far = |v: f32| !(-OUTSIDE..=1.0 + OUTSIDE).contains(&v);
     if let Some([u, v]) = uv.iter().flatten().find(|c| c.iter().any(|v| far(*v))) {
         return Err(Unusable::Outside { u: *u, v: *v });

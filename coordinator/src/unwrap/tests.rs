@@ -1,7 +1,7 @@
 use super::*;
 use kiln_proto::{
     frame::FrameRule,
-    scene::{Lobe, Material, SCENE_VERSION, Triangle},
+    scene::{Material, Triangle},
     settings::SettingsPatch,
     texel::{GUTTER, SurfaceRaster},
     units::Rgb,
@@ -9,23 +9,14 @@ use kiln_proto::{
 use proptest::prelude::*;
 
 /// A scene of one surface `s`.
-fn scene(positions: Vec<[f32; 3]>, triangles: Vec<Triangle>) -> Scene {
-    let grey = Material {
-        name: "grey".into(),
-        diffuse: Rgb::splat(0.5),
-        diffuse_texture: None,
-        specular: Rgb::BLACK,
-        lobe: Lobe::Phong { exponent: 1.0 },
-        emission: Rgb::BLACK,
-        emission_texture: None,
-    };
-    let surface = Surface { name: "s".into(), file_stem: "s".into(), material: 0, triangles };
-    Scene { version: SCENE_VERSION, positions, surfaces: vec![surface], materials: vec![grey], textures: vec![] }
+fn scene(positions: Vec<[f32; 3]>, triangles: Vec<(Triangle, Option<[[f32; 2]; 3]>)>) -> Scene {
+    let grey = Material::matt("grey", Rgb::splat(0.5));
+    Scene { positions, surfaces: vec![Surface::plain("s", 0, triangles)], materials: vec![grey], ..Scene::empty() }
 }
 
 /// A 4 m x 2 m rectangle of two triangles; its corners have these texture coordinates.
 fn rectangle(uv: Option<[[f32; 2]; 4]>) -> Scene {
-    let triangle = |c: [usize; 3]| Triangle { corners: c.map(|k| k as u32), uv: uv.map(|uv| c.map(|k| uv[k])), polygon: 0 };
+    let triangle = |c: [usize; 3]| (Triangle { corners: c.map(|k| k as u32), polygon: 0 }, uv.map(|uv| c.map(|k| uv[k])));
     scene(vec![[0.0; 3], [4.0, 0.0, 0.0], [4.0, 2.0, 0.0], [0.0, 2.0, 0.0]], vec![triangle([0, 1, 2]), triangle([0, 2, 3])])
 }
 
@@ -69,7 +60,7 @@ fn unusable_coordinates_are_replaced_with_the_reason() {
     why(&rectangle(Some([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [1.0, 0.1]])), "overlap (at texel");
     why(&rectangle(Some([[0.5; 2]; 4])), "no area in the texture");
     let mut partial = rectangle(Some(FULL));
-    partial.surfaces[0].triangles[1].uv = None;
+    partial.surfaces[0].uv_sets[0][1] = None;
     why(&partial, "1 of 2 triangles have none");
     let (plan, warnings) = laid_out(&rectangle(None), "{}");
     assert_eq!((plan.source, plan.size.to_string(), warnings.len()), (ChartSource::Polygons, "80x40".to_owned(), 0));
@@ -78,11 +69,11 @@ fn unusable_coordinates_are_replaced_with_the_reason() {
 #[test]
 fn charts_of_the_author_follow_shared_edges() {
     let mut apart = rectangle(Some(FULL));
-    if let Some(uv) = &mut apart.surfaces[0].triangles[1].uv {
+    if let Some(uv) = &mut apart.surfaces[0].uv_sets[0][1] {
         // Moved a little to the left and up: the seam is no longer shared.
         *uv = uv.map(|[u, v]| [(u - 0.1).max(0.0), v]);
     }
-    apart.surfaces[0].triangles[0].uv = Some([[0.2, 0.0], [1.0, 0.0], [1.0, 0.8]]);
+    apart.surfaces[0].uv_sets[0][0] = Some([[0.2, 0.0], [1.0, 0.0], [1.0, 0.8]]);
     let (plan, _) = laid_out(&apart, "{}");
     assert_eq!((plan.source, plan.charts), (ChartSource::Author, vec![0, 1]));
 }
@@ -99,7 +90,7 @@ fn limits_are_kept_and_named() {
     assert!(plan.size.width == 8192 && warnings[0].contains("do not fit"), "{warnings:?}");
     let mut many = rectangle(Some(FULL));
     // A chart that fills a small part of its texture wants a large texture.
-    for uv in many.surfaces[0].triangles.iter_mut().flat_map(|t| &mut t.uv) {
+    for uv in many.surfaces[0].uv_sets[0].iter_mut().flatten() {
         *uv = uv.map(|[u, v]| [u * 0.01, v * 0.005]);
     }
     many.surfaces = (0..15).map(|k| Surface { name: format!("s{k}"), ..many.surfaces[0].clone() }).collect();
@@ -109,7 +100,7 @@ fn limits_are_kept_and_named() {
 #[test]
 fn an_explicit_size_holds_all_polygons_or_is_refused() {
     let positions = (0..20).flat_map(|k| [[k as f32, 0.0, 0.0], [k as f32 + 0.9, 0.0, 0.0], [k as f32, 0.9, 0.0]]).collect();
-    let triangles = (0..20u32).map(|k| Triangle { corners: [3 * k, 3 * k + 1, 3 * k + 2], uv: None, polygon: k }).collect();
+    let triangles = (0..20u32).map(|k| (Triangle { corners: [3 * k, 3 * k + 1, 3 * k + 2], polygon: k }, None)).collect();
     let scene = scene(positions, triangles);
     let (plan, _) = laid_out(&scene, r#"{"texture_sizes": {"s": "60x50"}}"#);
     assert_eq!(plan.size.to_string(), "60x50");
@@ -170,7 +161,7 @@ proptest! {
                 turn += step;
             }
             let n = steps.len() as u32;
-            triangles.extend((1..n - 1).map(|k| Triangle { corners: [first, first + k, first + k + 1], uv: None, polygon: id as u32 }));
+            triangles.extend((1..n - 1).map(|k| (Triangle { corners: [first, first + k, first + k + 1], polygon: id as u32 }, None)));
         }
         let scene = scene(positions, triangles);
         let json = if explicit { r#"{"texture_sizes": {"s": "128x96"}}"# } else { r#"{"texels_per_metre": 12}"# };

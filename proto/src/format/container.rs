@@ -125,29 +125,19 @@ mod tests {
     use super::*;
     use crate::{
         plan::{ChartSource, PLAN_VERSION, SurfacePlan},
-        scene::{Lobe, Material, SCENE_VERSION, Surface, Triangle},
+        scene::{Material, Surface, Triangle},
         settings::{SettingsPatch, TextureSize},
         units::Rgb,
     };
     use proptest::prelude::*;
 
     fn parts() -> (Vec<u8>, Plan) {
-        let triangle = Triangle { corners: [0, 1, 2], uv: None, polygon: 0 };
-        let material = Material {
-            name: "m".into(),
-            diffuse: Rgb::splat(0.5),
-            diffuse_texture: None,
-            specular: Rgb::BLACK,
-            lobe: Lobe::Mirror,
-            emission: Rgb::BLACK,
-            emission_texture: None,
-        };
+        let triangle = Triangle { corners: [0, 1, 2], polygon: 0 };
         let scene = Scene {
-            version: SCENE_VERSION,
             positions: vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]],
-            surfaces: vec![Surface { name: "s".into(), file_stem: "s".into(), material: 0, triangles: vec![triangle] }],
-            materials: vec![material],
-            textures: vec![],
+            surfaces: vec![Surface::plain("s", 0, vec![(triangle, None)])],
+            materials: vec![Material::matt("m", Rgb::splat(0.5))],
+            ..Scene::empty()
         };
         let layout = SurfacePlan {
             size: TextureSize::new(4, 4).unwrap(),

@@ -14,7 +14,7 @@ use sha2::{Digest as _, Sha256};
 use std::{fmt, str::FromStr};
 
 /// The version of the manifest's form.
-pub const SCHEMA_VERSION: u32 = 1;
+pub const SCHEMA_VERSION: u32 = 2;
 /// The manifest's path within its package.
 pub const PATH: &str = "manifest.json";
 /// The path of the file that the package hash leaves out.
@@ -192,8 +192,11 @@ pub struct SurfaceRecord {
     pub charts: ChartSource,
     /// Texels that lie on a chart.
     pub covered: u64,
-    /// What it is made of.
-    pub material: MaterialRecord,
+    /// The index of the surface whose back this is.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub back_of: Option<u32>,
+    /// What it consists of.
+    pub parts: Vec<PartRecord>,
     /// Its direction grid.
     pub grid: SphericalGrid,
     /// Its codec.
@@ -248,21 +251,58 @@ impl From<&crate::codec::pwl::ErrorStats> for ErrorSummary {
     }
 }
 
-/// What a surface is made of, in brief.
+/// A part of a surface.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct PartRecord {
+    /// The author's name.
+    pub name: String,
+    /// Its triangles.
+    pub triangles: u32,
+    /// What it is made of.
+    pub material: MaterialRecord,
+}
+
+/// What a part is made of, in brief.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct MaterialRecord {
     /// The author's name.
     pub name: String,
-    /// Kd.
-    pub diffuse: [f32; 3],
-    /// The file of map_Kd.
-    pub diffuse_texture: Option<String>,
-    /// Ks.
-    pub specular: [f32; 3],
-    /// Ns; absent for a mirror.
-    pub exponent: Option<f32>,
+    /// How it reflects.
+    pub reflection: ReflectionRecord,
+    /// The images that vary its colour.
+    pub textures: Vec<String>,
     /// Ke, W/(sr m²).
     pub emission: [f32; 3],
+    /// Whether light may pass through it.
+    pub lets_through: bool,
+}
+
+/// A model of reflection with its main numbers, before textures.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", tag = "model")]
+pub enum ReflectionRecord {
+    /// It only emits.
+    None,
+    /// Lambert plus a Phong lobe or a mirror.
+    Phong {
+        /// Kd.
+        diffuse: [f32; 3],
+        /// Ks.
+        specular: [f32; 3],
+        /// Ns; absent for a mirror.
+        exponent: Option<f32>,
+    },
+    /// glTF's.
+    MetallicRoughness {
+        /// baseColorFactor.
+        base_color: [f32; 3],
+        /// metallicFactor.
+        metallic: f32,
+        /// roughnessFactor.
+        roughness: f32,
+        /// transmissionFactor.
+        transmission: f32,
+    },
 }
 
 /// Why bytes are not a usable manifest.

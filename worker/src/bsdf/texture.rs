@@ -13,8 +13,8 @@ pub fn lookup(texture: &Texture, uv: [f32; 2]) -> Rgb {
     let (x0, x1, fx) = neighbours(uv[0], texture.width);
     let (y0, y1, fy) = neighbours(uv[1], texture.height);
     let texel = |x: u32, y: u32| {
-        let at = 3 * (y as usize * texture.width as usize + x as usize);
-        Rgb::new(linear(texture.rgb[at]), linear(texture.rgb[at + 1]), linear(texture.rgb[at + 2]))
+        let at = texture.channels() * (y as usize * texture.width as usize + x as usize);
+        Rgb::new(linear(texture.texels[at]), linear(texture.texels[at + 1]), linear(texture.texels[at + 2]))
     };
     let low = texel(x0, y0) * (1.0 - fx) + texel(x1, y0) * fx;
     let high = texel(x0, y1) * (1.0 - fx) + texel(x1, y1) * fx;
@@ -25,12 +25,12 @@ pub fn lookup(texture: &Texture, uv: [f32; 2]) -> Rgb {
 #[must_use]
 pub fn mean(texture: &Texture) -> Rgb {
     let mut sum = [0.0f64; 3];
-    for pixel in texture.rgb.chunks_exact(3) {
+    for pixel in texture.texels.chunks_exact(texture.channels()) {
         for c in 0..3 {
             sum[c] += f64::from(linear(pixel[c]));
         }
     }
-    let pixels = (texture.rgb.len() / 3).max(1) as f64;
+    let pixels = (texture.texels.len() / texture.channels()).max(1) as f64;
     Rgb::from(sum.map(|s| (s / pixels) as f32))
 }
 
@@ -49,9 +49,11 @@ fn neighbours(coordinate: f32, count: u32) -> (u32, u32, f32) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use kiln_proto::scene::Coding;
 
     fn checker() -> Texture {
-        Texture { name: "t".into(), width: 2, height: 2, rgb: [[0u8; 3], [255; 3], [255, 0, 0], [188; 3]].concat() }
+        let texels = [[0u8; 3], [255; 3], [255, 0, 0], [188; 3]].concat();
+        Texture { name: "t".into(), width: 2, height: 2, coding: Coding::Srgb, has_alpha: false, texels }
     }
 
     #[test]

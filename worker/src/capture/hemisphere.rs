@@ -14,10 +14,10 @@ use crate::{
     bsdf::Specular,
     path::{PathSample, Tracer},
     sampling::{Dimension, TexelKey, warp},
-    scene::{BakeScene, Vertex, specular},
+    scene::{BakeScene, Vertex, phong, specular},
 };
 use glam::Vec3;
-use kiln_proto::{frame::Frame, units::Rgb};
+use kiln_proto::{frame::Frame, scene::Reflection, units::Rgb};
 
 /// Incident samples per light sample.
 const LIGHT_SHARE: u32 = 4;
@@ -81,12 +81,12 @@ pub(crate) fn capture(scene: &BakeScene, site: &Site<'_>, budget: Budget, views:
     let material = scene.material(site.surface);
     let emitted = if material.is_emissive() { mean_emission(scene, site, budget.samples) } else { Rgb::BLACK };
     out.fill(emitted);
-    if budget.max_depth < 2 || (material.diffuse.is_black() && !material.is_specular()) {
+    if budget.max_depth < 2 || material.reflection == Reflection::None {
         return 0;
     }
     let mut tracer = Tracer::new(scene, budget.max_depth);
     let specular = specular(material);
-    if !material.diffuse.is_black() || matches!(specular, Specular::Phong { .. }) {
+    if phong(material).is_some_and(|p| !p.diffuse.is_black()) || matches!(specular, Specular::Phong { .. }) {
         let mixture = mixture(budget.samples, specular);
         draw(scene, &mut tracer, site, budget, &mixture, &views.mixed, &mut scratch.samples);
         gather(scene.kernel(), &scratch.samples, &mixture, &views.mixed, views.toward.as_ref(), &mut scratch.sums);

@@ -7,7 +7,10 @@ use crate::{
     testing::{add_quad, closed_box, empty, lambert, mirror, phong, plan, scaled, settings},
 };
 use glam::DVec3;
-use kiln_proto::{scene::Scene, wire::message::Phase};
+use kiln_proto::{
+    scene::{LayerMode, Scene, TextureLayer, TextureRef},
+    wire::message::Phase,
+};
 use std::f64::consts::PI;
 
 fn capture(scene: Scene, json: &str, simd: Simd) -> Capture {
@@ -72,7 +75,7 @@ fn closed_sphere() -> Scene {
             let p = DVec3::new(1.0, 2.0, 3.0) + 3.0 * DVec3::new(sin_theta * cos_phi, cos_theta, sin_theta * sin_phi);
             scene.positions.push(p.as_vec3().to_array());
             let at = |i: u32, j: u32| i * SECTORS + j % SECTORS;
-            let triangle = |corners: [u32; 3]| kiln_proto::scene::Triangle { corners, uv: None, polygon: 0 };
+            let triangle = |corners: [u32; 3]| (kiln_proto::scene::Triangle { corners, polygon: 0 }, None);
             if i > 0 && i < RINGS {
                 triangles.push(triangle([at(i, j), at(i + 1, j), at(i, j + 1)]));
                 triangles.push(triangle([at(i, j + 1), at(i - 1, j + 1), at(i, j)]));
@@ -80,7 +83,7 @@ fn closed_sphere() -> Scene {
         }
     }
     scene.materials.push(lambert(0.5, 0.5));
-    scene.surfaces.push(kiln_proto::scene::Surface { name: "sphere".into(), file_stem: "sphere".into(), material: 0, triangles });
+    scene.surfaces.push(kiln_proto::scene::Surface::plain("sphere", 0, triangles));
     scene
 }
 
@@ -217,7 +220,7 @@ fn gutter_rows_are_copies_of_their_source_also_across_tiles() {
     add_quad(&mut scene, "floor", [0.0; 3], [0.0, 0.0, 4.0], [4.0, 0.0, 0.0], lambert(0.5, 0.0));
     add_quad(&mut scene, "light", [1.0, 3.0, 1.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0], lambert(0.0, 5.0));
     // The chart ends at column 32 of 64, where the next tile begins.
-    scene.surfaces[0].triangles.iter_mut().for_each(|t| t.uv.as_mut().unwrap().iter_mut().for_each(|c| c[0] *= 0.5));
+    scene.surfaces[0].uv_sets[0].iter_mut().flatten().flatten().for_each(|c| c[0] *= 0.5);
     let capture = capture(scene, r#"{"samples":16,"directions":"2x2","texture_sizes":{"floor":"64x32"}}"#, Simd::Auto);
     let (own, next) = (capture.bake_tile(TileIndex(0)).unwrap(), capture.bake_tile(TileIndex(1)).unwrap());
     assert_eq!((own.rows.len(), next.rows.len()), (1024, 64));
@@ -244,9 +247,11 @@ fn backs_are_black_and_blocked_texels_exactly_zero() {
 #[test]
 fn a_textured_floor_shows_its_texture_in_linear_light() {
     let mut scene = lit_floor(lambert(0.8, 0.0));
-    let checker = [[255u8; 3], [0; 3], [0; 3], [255; 3]].concat();
-    scene.textures.push(kiln_proto::scene::Texture { name: "checker".into(), width: 2, height: 2, rgb: checker });
-    scene.materials[0].diffuse_texture = Some(0);
+    let texels = [[255u8; 3], [0; 3], [0; 3], [255; 3]].concat();
+    let (name, coding) = ("checker".into(), kiln_proto::scene::Coding::Srgb);
+    scene.textures.push(kiln_proto::scene::Texture { name, width: 2, height: 2, coding, has_alpha: false, texels });
+    let kiln_proto::scene::Reflection::Phong(phong) = &mut scene.materials[0].reflection else { panic!() };
+    phong.layers = vec![TextureLayer { texture: TextureRef::plain(0, 0), mode: LayerMode::Modulate { scale: 1.0 } }];
     let json = r#"{"samples":256,"max_depth":2,"directions":"2x2","texture_sizes":{"floor":"2x2"}}"#;
     let tile = capture(scene, json, Simd::Auto).bake_tile(TileIndex(0)).unwrap();
     let flat = capture(lit_floor(lambert(0.8, 0.0)), json, Simd::Auto).bake_tile(TileIndex(0)).unwrap();
@@ -271,8 +276,9 @@ fn a_textured_light_emits_its_texture_and_is_sampled_by_its_mean() {
     let bake = |texture: Option<Vec<u8>>| {
         let mut scene = lit_floor(lambert(0.8, 0.0));
         if let Some(rgb) = texture {
-            scene.textures.push(kiln_proto::scene::Texture { name: "t".into(), width: 4, height: 1, rgb });
-            scene.materials[1].emission_texture = Some(0);
+            let (name, coding) = ("t".into(), kiln_proto::scene::Coding::Srgb);
+            scene.textures.push(kiln_proto::scene::Texture { name, width: 4, height: 1, coding, has_alpha: false, texels: rgb });
+            scene.materials[1].emission_texture = Some(TextureRef::plain(0, 0));
         }
         tiles(&capture(scene, json, Simd::Auto))
     };

@@ -32,7 +32,7 @@ struct Part {
     material: u32,
     line: u32,
     polygons: u32,
-    triangles: Vec<Triangle>,
+    triangles: Vec<(Triangle, Option<[[f32; 2]; 3]>)>,
 }
 
 /// One polygon of a model.
@@ -118,7 +118,7 @@ impl<'a> Builder<'a> {
                 findings.count(at, "triangles that repeat another one exactly were dropped");
                 continue;
             }
-            self.parts[part].triangles.push(Triangle { corners, uv: uv.as_ref().map(|uv| t.map(|i| uv[i])), polygon });
+            self.parts[part].triangles.push((Triangle { corners, polygon }, uv.as_ref().map(|uv| t.map(|i| uv[i]))));
             self.count += 1;
         }
     }
@@ -167,7 +167,7 @@ impl<'a> Builder<'a> {
             }
             let name = unique(&wanted, |candidate| names.insert(candidate.to_owned()));
             let file_stem = stems.take(&name);
-            surfaces.push(Surface { name, file_stem, material: part.material, triangles: part.triangles });
+            surfaces.push(Surface { file_stem, ..Surface::plain(name, part.material, part.triangles) });
         }
         (self.positions, surfaces)
     }

@@ -10,7 +10,7 @@ use crate::import::{
 };
 use kiln_proto::{
     limits,
-    scene::{Lobe, Material, Texture, energy_scale},
+    scene::{LayerMode, Lobe, Material, Phong, Reflection, Texture, TextureLayer, TextureRef, energy_scale},
     units::Rgb,
 };
 use std::collections::BTreeMap;
@@ -87,9 +87,11 @@ impl<'a> Materials<'a> {
             findings.warn(At::line(file, line), message);
             (diffuse, specular) = (diffuse * scale, specular * scale);
         }
-        let diffuse_texture = self.texture(raw, raw.diffuse_map.as_ref(), findings);
-        let emission_texture = self.texture(raw, raw.emission_map.as_ref(), findings);
-        Material { name: name.to_owned(), diffuse, diffuse_texture, specular, lobe, emission, emission_texture }
+        let layer = |texture| TextureLayer { texture: TextureRef::plain(texture, 0), mode: LayerMode::Modulate { scale: 1.0 } };
+        let layers = self.texture(raw, raw.diffuse_map.as_ref(), findings).map(layer).into_iter().collect();
+        let emission_texture = self.texture(raw, raw.emission_map.as_ref(), findings).map(|t| TextureRef::plain(t, 0));
+        let phong = Phong { layers, specular, lobe, ..Phong::matt(diffuse) };
+        Material { emission, emission_texture, ..Material::new(name, Reflection::Phong(phong)) }
     }
 
     /// The texture that a map names; `None` also where it was refused, which is then an error.
@@ -125,7 +127,7 @@ impl<'a> Materials<'a> {
         };
         match texture::decode(path.as_str(), &bytes) {
             Ok(decoded) => {
-                self.texture_bytes += decoded.texture.rgb.len() as u64;
+                self.texture_bytes += decoded.texture.texels.len() as u64;
                 if self.texture_bytes > limits::BUNDLE_BYTES {
                     findings.error(at, format!("the textures together exceed {} bytes; scale them down", limits::BUNDLE_BYTES));
                     return None;
@@ -159,13 +161,5 @@ fn reflection(raw: &RawMaterial) -> (Rgb, Lobe) {
 
 /// What faces without a material are made of.
 fn default_material() -> Material {
-    Material {
-        name: "default".to_owned(),
-        diffuse: Rgb::splat(0.5),
-        diffuse_texture: None,
-        specular: Rgb::BLACK,
-        lobe: Lobe::Phong { exponent: 1.0 },
-        emission: Rgb::BLACK,
-        emission_texture: None,
-    }
+    Material::matt("default", Rgb::splat(0.5))
 }

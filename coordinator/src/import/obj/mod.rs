@@ -14,10 +14,7 @@ use super::{
     bundle::Found,
     findings::{At, Findings},
 };
-use kiln_proto::{
-    limits,
-    scene::{SCENE_VERSION, Scene},
-};
+use kiln_proto::{limits, scene::Scene};
 use std::io::Read;
 
 /// Words of `mtllib` that are tried as one file name with blanks.
@@ -38,7 +35,7 @@ pub(super) fn import(bundle: &Bundle, bytes: &[u8], findings: &mut Findings) -> 
     builder.add(&models, &mut materials, findings);
     drop(models);
     let (positions, surfaces) = builder.into_surfaces(main.stem(), findings);
-    Some(Scene { version: SCENE_VERSION, positions, surfaces, materials: materials.materials, textures: materials.textures })
+    Some(Scene { positions, surfaces, materials: materials.materials, textures: materials.textures, ..Scene::empty() })
 }
 
 /// Has `tobj` read what the scan wrote.

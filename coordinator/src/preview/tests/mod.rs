@@ -14,7 +14,7 @@ use kiln_proto::{
     },
     frame::FrameRule,
     plan::{ChartSource, PLAN_VERSION, PhaseResults, SurfacePlan},
-    scene::{Lobe, Material, SCENE_VERSION, Surface, Triangle},
+    scene::{Material, Surface, Triangle},
     settings::{RawFormat, SettingsPatch},
     texel::SurfaceRaster,
     tile::Cell,
@@ -26,25 +26,15 @@ use std::collections::BTreeMap;
 fn scene_of(quads: &[[[f32; 3]; 4]], fill: f32) -> Scene {
     let uv = [[0.0, 0.0], [fill, 0.0], [fill, fill], [0.0, fill]];
     let surface = |n: usize| {
-        let triangle = |c: [usize; 3]| Triangle { corners: c.map(|k| (4 * n + k) as u32), uv: Some(c.map(|k| uv[k])), polygon: 0 };
-        let name = format!("s{n}");
-        Surface { name: name.clone(), file_stem: name, material: 0, triangles: vec![triangle([0, 1, 2]), triangle([0, 2, 3])] }
+        let triangle = |c: [usize; 3]| (Triangle { corners: c.map(|k| (4 * n + k) as u32), polygon: 0 }, Some(c.map(|k| uv[k])));
+        Surface::plain(format!("s{n}"), 0, vec![triangle([0, 1, 2]), triangle([0, 2, 3])])
     };
-    let material = Material {
-        name: "m".into(),
-        diffuse: Rgb::splat(0.5),
-        diffuse_texture: None,
-        specular: Rgb::BLACK,
-        lobe: Lobe::Mirror,
-        emission: Rgb::BLACK,
-        emission_texture: None,
-    };
+    let material = Material::matt("m", Rgb::splat(0.5));
     Scene {
-        version: SCENE_VERSION,
         positions: quads.iter().flatten().copied().collect(),
         surfaces: (0..quads.len()).map(surface).collect(),
         materials: vec![material],
-        textures: vec![],
+        ..Scene::empty()
     }
 }
 
@@ -52,7 +42,7 @@ fn plan_of(scene: &Scene, size: &str, directions: &str) -> Plan {
     let layout = |s: &Surface| SurfacePlan {
         size: size.parse().unwrap(),
         source: ChartSource::Author,
-        uv: s.triangles.iter().map(|t| t.uv.unwrap()).collect(),
+        uv: s.uv_sets[0].iter().map(|uv| uv.unwrap()).collect(),
         charts: vec![0; s.triangles.len()],
         covered: 0,
         tiles: vec![],

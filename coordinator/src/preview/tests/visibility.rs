@@ -41,13 +41,13 @@ fn shared_edges_have_no_gaps() {
     let height = |x: u32, y: u32| ((x * 7919 + y * 104_729) % 97) as f32 / 300.0;
     let at = |x: u32, y: u32| y * (n + 1) + x;
     let positions = (0..=n).flat_map(|y| (0..=n).map(move |x| [x as f32 / 3.0, y as f32 / 3.0, height(x, y)])).collect();
-    let triangle = |corners| Triangle { corners, uv: Some([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]), polygon: 0 };
+    let triangle = |corners| (Triangle { corners, polygon: 0 }, Some([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]));
     let cells = (0..n).flat_map(|y| (0..n).map(move |x| (x, y)));
     let triangles = cells.flat_map(|(x, y)| {
         let [a, b, c, d] = [at(x, y), at(x + 1, y), at(x + 1, y + 1), at(x, y + 1)];
         [triangle([a, b, c]), triangle([a, c, d])]
     });
-    let surface = Surface { name: "s".into(), file_stem: "s".into(), material: 0, triangles: triangles.collect() };
+    let surface = Surface::plain("s", 0, triangles.collect());
     let scene = Scene { positions, surfaces: vec![surface], ..scene_of(&[], 1.0) };
     let plan = plan_of(&scene, "4x4", "2x2");
     // Rays through vertices and along edges: the sheet's lattice is the picture's.

@@ -1,0 +1,38 @@
+//! Images: 8 bits a channel, with or without alpha, coded for the eye or linear.
+
+use serde::{Deserialize, Serialize};
+
+/// An image, row 0 at v = 0 (the bottom).
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Texture {
+    /// The file it came from, for messages.
+    pub name: String,
+    /// Texels along u.
+    pub width: u32,
+    /// Texels along v.
+    pub height: u32,
+    /// What the colour bytes mean.
+    pub coding: Coding,
+    /// Whether a fourth channel, linear opacity, follows red, green and blue.
+    pub has_alpha: bool,
+    /// (3 or 4) x width x height bytes.
+    pub texels: Vec<u8>,
+}
+
+/// What the bytes of an image mean.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Coding {
+    /// Colour, coded by the sRGB transfer function (IEC 61966-2-1).
+    Srgb,
+    /// Numbers: byte / 255.
+    Linear,
+}
+
+impl Texture {
+    /// Bytes of one texel.
+    #[must_use]
+    #[inline]
+    pub fn channels(&self) -> usize {
+        if self.has_alpha { 4 } else { 3 }
+    }
+}
