@@ -11,6 +11,7 @@ pub mod format;
 mod name;
 pub mod obj;
 mod texture;
+mod x3d;
 
 pub use bundle::{Bundle, BundlePath, Content, Part};
 
