@@ -8,6 +8,7 @@
 pub mod bundle;
 mod findings;
 pub mod format;
+pub mod mesh;
 mod name;
 pub mod obj;
 mod texture;
