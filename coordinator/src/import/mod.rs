@@ -12,6 +12,7 @@ pub mod mesh;
 mod name;
 pub mod obj;
 mod texture;
+pub mod x3d;
 
 pub use bundle::{Bundle, BundlePath, Content, Part};
 

@@ -1,0 +1,3 @@
+//! X3D and VRML97.
+
+pub mod geometry;
