@@ -52,7 +52,7 @@ fn face_normals(mesh: &Mesh) -> Vec<DVec3> {
 }
 
 /// An edge of a polygon: its vertices, lower first, and the corners of the polygon there.
-type Edge = ([u32; 2], [usize; 2]);
+type Edge = ([u32; 2], [u32; 2]);
 
 fn edges(mesh: &Mesh) -> Vec<Edge> {
     let mut edges = Vec::with_capacity(mesh.corners.len());
@@ -60,6 +60,7 @@ fn edges(mesh: &Mesh) -> Vec<Edge> {
         for c in run.clone() {
             let d = if c + 1 == run.end { run.start } else { c + 1 };
             let (v, w) = (mesh.corners[c], mesh.corners[d]);
+            let (c, d) = (c as u32, d as u32);
             match v.cmp(&w) {
                 std::cmp::Ordering::Less => edges.push(([v, w], [c, d])),
                 std::cmp::Ordering::Greater => edges.push(([w, v], [d, c])),
@@ -77,11 +78,11 @@ fn join_at_edges(mesh: &Mesh, faces: &[DVec3], owner: &[u32], angle: f64) -> Gro
     let least = if angle > PI { f64::NEG_INFINITY } else { math::sin_cos_degrees(angle.to_degrees()).1 };
     for pair in edges(mesh).windows(2) {
         let [(ends, a), (other_ends, b)] = [pair[0], pair[1]];
-        let normal = |corners: [usize; 2]| faces[owner[corners[0]] as usize];
+        let normal = |corners: [u32; 2]| faces[owner[corners[0] as usize] as usize];
         // A face without area has no direction that could differ, so it keeps nobody apart and joins nobody.
         if ends == other_ends && normal(a) != DVec3::ZERO && normal(b) != DVec3::ZERO && normal(a).dot(normal(b)) > least {
-            groups.join(a[0], b[0]);
-            groups.join(a[1], b[1]);
+            groups.join(a[0] as usize, b[0] as usize);
+            groups.join(a[1] as usize, b[1] as usize);
         }
     }
     groups

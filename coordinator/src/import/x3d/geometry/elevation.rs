@@ -6,6 +6,7 @@ use super::{
     error::{GeometryError, Repairs, bounded, positive},
     faces::{Collector, Faces},
 };
+use kiln_proto::limits;
 
 /// The fields of an ElevationGrid.
 #[derive(Debug, Clone, PartialEq)]
@@ -97,7 +98,7 @@ impl ElevationGrid {
             Ok(n) => Ok(n),
         };
         let (columns, rows) = (dimension("xDimension", self.x_dimension)?, dimension("zDimension", self.z_dimension)?);
-        bounded(2 * (columns - 1) * (rows - 1))?;
+        bounded((columns - 1) * (rows - 1), "xDimension times zDimension", limits::TRIANGLES / 2)?;
         let found = self.height.len() as u64;
         let whole = (found / columns).min(rows);
         if whole < 2 {

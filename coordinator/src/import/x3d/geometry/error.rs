@@ -2,7 +2,6 @@
 //!
 //! Places are positions in the node's own lists; the node's file and line are known to the caller, who puts them in front.
 
-use kiln_proto::limits;
 use std::fmt;
 
 /// Why a geometry node gives no mesh. The words follow those of a node's name, as in "IndexedFaceSet: coord has no points".
@@ -50,11 +49,15 @@ pub enum GeometryError {
         /// Where that number comes from.
         why: &'static str,
     },
-    /// More than a scene may have.
-    #[error("it has about {triangles} triangles; a scene may have {}", limits::TRIANGLES)]
+    /// More quads than one node may have.
+    #[error("it has {quads} quads ({why}); {most} are allowed")]
     TooLarge {
-        /// Estimated triangles.
-        triangles: u64,
+        /// Its quads.
+        quads: u64,
+        /// Where that number comes from.
+        why: &'static str,
+        /// The limit.
+        most: usize,
     },
 }
 
@@ -104,9 +107,9 @@ impl fmt::Display for Repairs {
     }
 }
 
-/// Refuses triangles beyond the limit of a scene, before anything is allocated for them.
-pub(super) fn bounded(triangles: u64) -> Result<(), GeometryError> {
-    if triangles > limits::TRIANGLES as u64 { Err(GeometryError::TooLarge { triangles }) } else { Ok(()) }
+/// Refuses quads beyond a limit, before anything is allocated for them.
+pub(super) fn bounded(quads: u64, why: &'static str, most: usize) -> Result<(), GeometryError> {
+    if quads > most as u64 { Err(GeometryError::TooLarge { quads, why, most }) } else { Ok(()) }
 }
 
 /// A length that must be finite and positive.

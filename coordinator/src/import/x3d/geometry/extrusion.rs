@@ -12,6 +12,7 @@ use super::{
 };
 use crate::import::mesh::{Channel, Mesh, axis_angle, newell, smooth};
 use glam::DVec3;
+use kiln_proto::limits;
 
 /// The fields of an Extrusion.
 #[derive(Debug, Clone, PartialEq)]
@@ -57,7 +58,7 @@ impl Extrusion {
     /// and a polygon for each cap. Cost: n log n in the quads.
     ///
     /// # Errors
-    /// Fewer than two points of spine or cross-section (nothing to see), coordinates that are not numbers, more quads than a scene may have.
+    /// Fewer than two points of spine or cross-section (nothing to see), coordinates that are not numbers, more quads than [`limits::SWEPT_QUADS`].
     pub fn build(&self) -> Result<Geometry, GeometryError> {
         let (rows, columns) = (self.spine.len(), self.cross_section.len());
         if rows < 2 || columns < 2 {
@@ -67,7 +68,7 @@ impl Extrusion {
         finite("crossSection", &self.cross_section)?;
         finite("scale", &self.scale)?;
         finite("orientation", &self.orientation)?;
-        bounded((rows as u64 - 1) * (columns as u64 - 1) * 2 + 2 * columns as u64)?;
+        bounded((rows as u64 - 1) * (columns as u64 - 1), "segments of spine times those of crossSection", limits::SWEPT_QUADS)?;
         let mut repairs = Repairs::default();
         let positions = self.place(&mut repairs)?;
         let mut mesh = Mesh { positions, ..Mesh::default() };

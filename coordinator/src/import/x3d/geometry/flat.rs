@@ -117,7 +117,7 @@ impl TriangleSet2D {
             let order = if (b - a).perp_dot(c - a) < 0.0 { [0, 2, 1] } else { [0, 1, 2] };
             faces.face(0, order.map(|k| ((start + k) as i64, start + k)));
         }
-        if self.vertices.len() % 3 > 0 {
+        if !self.vertices.len().is_multiple_of(3) {
             faces.note("entries after the last whole face were left out", self.vertices.len() / 3 * 3);
         }
         let faces = faces.finish()?;

@@ -84,6 +84,7 @@ fn straight(spine: &[DVec3]) -> DMat3 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proptest::prelude::*;
 
     fn is_rotation(m: &DMat3) -> bool {
         (*m * m.transpose()).abs_diff_eq(DMat3::IDENTITY, 1e-12) && (m.determinant() - 1.0).abs() < 1e-12
@@ -129,5 +130,15 @@ mod tests {
         let back = [DVec3::ZERO, DVec3::Y, DVec3::ZERO, DVec3::new(0.0, 0.0, 3.0)];
         assert!(frames(&back).iter().all(is_rotation));
         assert!(frames(&back[..3]).iter().all(is_rotation));
+    }
+
+    proptest! {
+        /// Spines on a small lattice are full of repetitions, straight runs, hairpins and rings: all frames are rotations.
+        #[test]
+        fn every_frame_is_a_rotation(points in prop::collection::vec(prop::array::uniform3(-1i8..=1), 1..9), scale in 1e-30f64..1e30) {
+            let spine: Vec<DVec3> = points.iter().map(|p| DVec3::from_array(p.map(f64::from)) * scale).collect();
+            let frames = frames(&spine);
+            prop_assert!(frames.len() == spine.len() && frames.iter().all(is_rotation));
+        }
     }
 }

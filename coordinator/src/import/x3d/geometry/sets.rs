@@ -181,7 +181,7 @@ fn singles(faces: &mut Collector<'_>, size: usize, length: usize, vertex: impl F
     for start in (0..length / size * size).step_by(size) {
         faces.face(0, (start..start + size).map(|i| (vertex(i), i)));
     }
-    if length % size > 0 {
+    if !length.is_multiple_of(size) {
         faces.note("entries after the last whole face were left out", length / size * size);
     }
 }

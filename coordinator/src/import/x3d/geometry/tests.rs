@@ -117,7 +117,7 @@ fn plane_figures_look_toward_z_and_are_two_sided() {
     let r = Rectangle2D { size: [4.0, 0.5], ..Rectangle2D::default() }.build().unwrap();
     check(&r.mesh);
     assert_eq!((area(&r.mesh), r.two_sided), (2.0, true));
-    let exact = |inner: f64| (1.0 - inner * inner) * 16.0 * (2.0 * PI / 32.0).sin();
+    let exact = |inner: f64| (1.0 - inner * inner) * 16.0 * kiln_proto::math::sin_cos_degrees(360.0 / 32.0).0;
     for inner in [0.0, 0.5] {
         let d = Disk2D { inner_radius: inner as f32, ..Disk2D::default() }.build().unwrap();
         check(&d.mesh);

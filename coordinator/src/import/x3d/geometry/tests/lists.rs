@@ -1,6 +1,7 @@
 //! Nodes that list their faces.
 
 use super::*;
+use proptest::prelude::*;
 
 const SQUARE: [[f32; 3]; 4] = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
 const RED: [f32; 4] = [1.0, 0.0, 0.0, 1.0];
@@ -172,4 +173,55 @@ fn incomplete_sets_say_what_they_left_out() {
     assert_eq!(glue, "", "repeated vertices join strips");
     assert!(IndexedTriangleSet { composed: composed.clone(), index: vec![0, 1, -1] }.build().is_err());
     assert!(TriangleStripSet { composed, strip_count: vec![] }.build().is_err());
+}
+
+/// What holds of every mesh, whatever the file said.
+fn holds(g: &Geometry) {
+    let mesh = &g.mesh;
+    let n = mesh.normals.as_ref().unwrap();
+    assert!(n.values.iter().all(|n| (Vec3::from_array(*n).length() - 1.0).abs() < 1e-5));
+    let corners = mesh.corners.len();
+    assert!(n.at.len() == corners && mesh.uv_sets.iter().all(|c| c.at.len() == corners));
+    assert!((0..corners).all(|c| mesh.place(c).is_finite() && mesh.uv_sets[0].get(c).iter().all(|x| x.is_finite())));
+    assert!(mesh.colours.as_ref().is_none_or(|c| (0..corners).all(|k| c.get(k).iter().all(|x| (0.0..=1.0).contains(x)))));
+    assert!(mesh.triangulate().triangles.len() <= corners);
+}
+
+proptest! {
+    /// Lists of any numbers and lengths: an answer, never a panic, and a mesh without gaps in its attributes.
+    #[test]
+    fn any_lists_give_a_mesh_or_a_reason(
+        coord in prop::collection::vec(prop::array::uniform3(prop_oneof![8 => -2.0f32..2.0, 1 => Just(f32::NAN), 1 => Just(f32::MAX)]), 0..8),
+        index in prop::collection::vec(-2i32..9, 0..24),
+        other in prop::collection::vec(-2i32..5, 0..24),
+        given in 0usize..6,
+        flags in 0u8..8,
+        crease in prop_oneof![-1.0f32..7.0, Just(f32::NAN)],
+    ) {
+        let [ccw, color_per_vertex, normal_per_vertex] = [1, 2, 4].map(|bit| flags & bit != 0);
+        let normal = vec![[0.0, 0.0, 0.0], [f32::MAX; 3], [0.0, 1.0, 0.0], [f32::NAN; 3]][..given.min(4)].to_vec();
+        let color = vec![RED, BLUE, [f32::NAN; 4], [9.0; 4]][..given.min(4)].to_vec();
+        let tex_coord = vec![vec![[0.5, f32::INFINITY]; given]; given % 3];
+        let composed = Composed { coord, normal, color, tex_coord, ccw, color_per_vertex, normal_per_vertex, solid: true };
+        let indexed = |composed: &Composed| (composed.clone(), index.clone());
+        let all = [
+            IndexedFaceSet {
+                composed: composed.clone(),
+                coord_index: index.clone(),
+                color_index: other.clone(),
+                normal_index: other.clone(),
+                tex_coord_index: other.clone(),
+                crease_angle: crease,
+            }.build(),
+            { let (composed, index) = indexed(&composed); IndexedTriangleSet { composed, index }.build() },
+            { let (composed, index) = indexed(&composed); IndexedQuadSet { composed, index }.build() },
+            { let (composed, index) = indexed(&composed); IndexedTriangleStripSet { composed, index }.build() },
+            { let (composed, index) = indexed(&composed); IndexedTriangleFanSet { composed, index }.build() },
+            TriangleStripSet { composed: composed.clone(), strip_count: other.clone() }.build(),
+            TriangleFanSet { composed: composed.clone(), fan_count: other }.build(),
+            TriangleSet(composed.clone()).build(),
+            QuadSet(composed).build(),
+        ];
+        all.iter().flatten().for_each(holds);
+    }
 }

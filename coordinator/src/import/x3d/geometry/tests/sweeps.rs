@@ -74,7 +74,7 @@ fn a_circle_along_any_line_is_a_cylinder_with_radial_normals() {
         let g = node.build().unwrap();
         check(&g.mesh);
         assert_eq!((euler(&g.mesh), g.mesh.polygon_count()), ((2, 0), 66));
-        assert!((volume(&g.mesh) / (3.0 * 32.0 * (2.0 * PI / 64.0).sin()) - 1.0).abs() < 1e-5);
+        assert!((volume(&g.mesh) / (3.0 * 32.0 * sin_cos_degrees(360.0 / 64.0).0) - 1.0).abs() < 1e-5);
         let axis = DVec3::from_array(end.map(f64::from)).normalize();
         let normals = g.mesh.normals.as_ref().unwrap();
         for c in g.mesh.polygons().take(64).flatten() {
