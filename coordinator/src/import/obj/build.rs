@@ -5,11 +5,11 @@
 
 use super::{
     material::Materials,
-    polygon,
     scan::{FaceNote, Group, Scan},
 };
 use crate::import::{
     findings::{At, Findings},
+    mesh::{Weld, has_no_area, triangulate},
     name::{Stems, unique},
 };
 use glam::{DVec3, Vec3};
@@ -18,12 +18,9 @@ use kiln_proto::{
     scene::{Surface, Triangle},
 };
 use std::{
-    collections::{BTreeMap, BTreeSet, HashMap, HashSet},
+    collections::{BTreeMap, BTreeSet, HashSet},
     ops::Range,
 };
-
-/// A triangle whose doubled area is below this share of its longest side squared has no direction to speak of.
-const NO_AREA: f64 = 1e-10;
 
 /// What becomes of one (object, material) pair.
 struct Part {
@@ -56,10 +53,7 @@ pub(super) struct Builder<'a> {
     file: &'a str,
     scan: &'a Scan,
     by_object: bool,
-    /// Positions by their bits: looked up, never iterated.
-    places: HashMap<[u32; 3], u32>,
-    /// Positions in order of first use.
-    pub(super) positions: Vec<[f32; 3]>,
+    places: Weld,
     seen: HashSet<[u32; 3]>,
     parts: Vec<Part>,
     part_ids: BTreeMap<(Option<usize>, Option<usize>), usize>,
@@ -72,8 +66,7 @@ impl<'a> Builder<'a> {
             file,
             scan,
             by_object: scan.groups.iter().any(|g| g.object.is_some()),
-            places: HashMap::new(),
-            positions: vec![],
+            places: Weld::default(),
             seen: HashSet::new(),
             parts: vec![],
             part_ids: BTreeMap::new(),
@@ -105,10 +98,14 @@ impl<'a> Builder<'a> {
         let at = At::line(self.file, face.note.line);
         let corners: Vec<u32> = face.mesh.indices[face.corners.clone()].iter().map(|i| self.place(face.mesh, *i)).collect();
         let uv = face.uv();
-        let world: Vec<DVec3> = corners.iter().map(|c| Vec3::from_array(self.positions[*c as usize]).as_dvec3()).collect();
+        let world: Vec<DVec3> = corners.iter().map(|c| Vec3::from_array(self.places.positions()[*c as usize]).as_dvec3()).collect();
         let polygon = self.parts[part].polygons;
         self.parts[part].polygons += 1;
-        for t in polygon::triangulate(&world) {
+        let cut = triangulate(&world);
+        if !cut.sound {
+            findings.count(at, "polygons that cross themselves were cut as well as they can be");
+        }
+        for t in cut.triangles {
             if has_no_area(t.map(|i| world[i])) {
                 findings.count(at, "triangles without area were dropped");
                 continue;
@@ -124,14 +121,7 @@ impl<'a> Builder<'a> {
     }
 
     fn place(&mut self, mesh: &tobj::Mesh, index: u32) -> u32 {
-        // Adding zero turns -0.0 into 0.0: the same place has one name.
-        let position: [f32; 3] = std::array::from_fn(|k| mesh.positions[3 * index as usize + k] + 0.0);
-        let next = self.positions.len() as u32;
-        let id = *self.places.entry(position.map(f32::to_bits)).or_insert(next);
-        if id == next {
-            self.positions.push(position);
-        }
-        id
+        self.places.id(std::array::from_fn(|k| mesh.positions[3 * index as usize + k]))
     }
 
     fn part(&mut self, group: Group, line: u32, materials: &mut Materials<'_>, findings: &mut Findings) -> usize {
@@ -169,7 +159,7 @@ impl<'a> Builder<'a> {
             let file_stem = stems.take(&name);
             surfaces.push(Surface { file_stem, ..Surface::plain(name, part.material, part.triangles) });
         }
-        (self.positions, surfaces)
+        (self.places.into_positions(), surfaces)
     }
 }
 
@@ -180,11 +170,6 @@ fn face_sizes(mesh: &tobj::Mesh) -> Box<dyn Iterator<Item = usize> + '_> {
     } else {
         Box::new(mesh.face_arities.iter().map(|a| *a as usize))
     }
-}
-
-fn has_no_area([a, b, c]: [DVec3; 3]) -> bool {
-    let longest = (b - a).length_squared().max((c - b).length_squared()).max((a - c).length_squared());
-    (b - a).cross(c - a).length() <= NO_AREA * longest
 }
 
 /// The same triangle begun at its lowest corner: rotations are equal, mirror images are not.

@@ -5,7 +5,6 @@ mod build;
 mod map;
 mod material;
 mod mtl;
-mod polygon;
 mod scan;
 mod text;
 
