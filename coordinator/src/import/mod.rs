@@ -66,7 +66,7 @@ fn import(bundle: &Bundle, findings: &mut Findings) -> Option<Scene> {
     if findings.has_errors() {
         return None;
     }
-    if !scene.surfaces.iter().any(|s| scene.material(s).is_emissive()) {
+    if !scene.has_light() {
         findings.warn(At::file(main.as_str()), "nothing in the scene emits light (no material in use has a Ke above 0): it will be black");
     }
     if let Err(invalid) = scene.validate() {
@@ -79,7 +79,13 @@ fn import(bundle: &Bundle, findings: &mut Findings) -> Option<Scene> {
 /// Counts of a scene.
 #[must_use]
 pub fn statistics(scene: &Scene) -> SceneStatistics {
-    let emissive = scene.surfaces.iter().filter(|s| scene.material(s).is_emissive()).map(|s| s.triangles.len() as u64).sum();
+    let emissive = scene
+        .surfaces
+        .iter()
+        .flat_map(|s| &s.parts)
+        .filter(|p| scene.materials[p.material as usize].is_emissive())
+        .map(|p| u64::from(p.triangles))
+        .sum();
     let (low, high) = scene.bounds();
     SceneStatistics {
         triangles: scene.triangle_count() as u64,
