@@ -33,7 +33,7 @@ pub struct Imported {
 }
 
 /// Imports the main file of a bundle with everything it refers to. Cost: linear in the bytes of the bundle, but for concave polygons,
-/// which take the square of their corners.
+/// which take about n log n in their corners, and at most a constant number of comparisons for each.
 ///
 /// # Errors
 /// Every fault found, located, in the order found; at least one.

@@ -5,6 +5,7 @@
 //! for all attributes, is the special case in which all indices are equal. The alternative, splitting vertices at once into that form,
 //! loses who was joined with whom before `normals` can ask.
 
+mod ears;
 mod normals;
 mod polygon;
 mod texture;

@@ -9,7 +9,7 @@
 use super::{Channel, Mesh, newell};
 use glam::DVec3;
 use kiln_proto::math;
-use std::f64::consts::PI;
+use std::{cmp::Ordering, f64::consts::PI};
 
 /// Who shares a normal.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -47,12 +47,27 @@ pub fn smooth(mesh: &Mesh, smoothing: &Smoothing<'_>) -> Channel<[f32; 3]> {
 
 /// Unit normals of the polygons; zero for those without area.
 fn face_normals(mesh: &Mesh) -> Vec<DVec3> {
-    let normal = |run: std::ops::Range<usize>| newell(&run.map(|c| mesh.place(c)).collect::<Vec<_>>()).normalize_or_zero();
-    mesh.polygons().map(normal).collect()
+    mesh.polygons().map(|run| newell(run.map(|c| mesh.place(c))).normalize_or_zero()).collect()
 }
 
-/// An edge of a polygon: its vertices, lower first, and the corners of the polygon there.
-type Edge = ([u32; 2], [u32; 2]);
+/// An edge of a polygon: its vertices, lower first, and the corners of the polygon there. Each pair is one number, high half first, which
+/// sorts twice as fast as a tuple.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+struct Edge {
+    vertices: u64,
+    corners: u64,
+}
+
+impl Edge {
+    fn new(vertices: [u32; 2], corners: [usize; 2]) -> Self {
+        let pair = |high: u32, low: u32| u64::from(high) << 32 | u64::from(low);
+        Self { vertices: pair(vertices[0], vertices[1]), corners: pair(corners[0] as u32, corners[1] as u32) }
+    }
+
+    fn corners(self) -> [usize; 2] {
+        [self.corners >> 32, self.corners & 0xffff_ffff].map(|c| c as usize)
+    }
+}
 
 fn edges(mesh: &Mesh) -> Vec<Edge> {
     let mut edges = Vec::with_capacity(mesh.corners.len());
@@ -60,11 +75,10 @@ fn edges(mesh: &Mesh) -> Vec<Edge> {
         for c in run.clone() {
             let d = if c + 1 == run.end { run.start } else { c + 1 };
             let (v, w) = (mesh.corners[c], mesh.corners[d]);
-            let (c, d) = (c as u32, d as u32);
             match v.cmp(&w) {
-                std::cmp::Ordering::Less => edges.push(([v, w], [c, d])),
-                std::cmp::Ordering::Greater => edges.push(([w, v], [d, c])),
-                std::cmp::Ordering::Equal => {}
+                Ordering::Less => edges.push(Edge::new([v, w], [c, d])),
+                Ordering::Greater => edges.push(Edge::new([w, v], [d, c])),
+                Ordering::Equal => {}
             }
         }
     }
@@ -76,13 +90,13 @@ fn edges(mesh: &Mesh) -> Vec<Edge> {
 fn join_at_edges(mesh: &Mesh, faces: &[DVec3], owner: &[u32], angle: f64) -> Groups {
     let mut groups = Groups::new(mesh.corners.len());
     let least = if angle > PI { f64::NEG_INFINITY } else { math::sin_cos_degrees(angle.to_degrees()).1 };
-    for pair in edges(mesh).windows(2) {
-        let [(ends, a), (other_ends, b)] = [pair[0], pair[1]];
-        let normal = |corners: [u32; 2]| faces[owner[corners[0] as usize] as usize];
+    for pair in edges(mesh).windows(2).filter(|pair| pair[0].vertices == pair[1].vertices) {
+        let [a, b] = [pair[0].corners(), pair[1].corners()];
+        let [m, n] = [a, b].map(|corners| faces[owner[corners[0]] as usize]);
         // A face without area has no direction that could differ, so it keeps nobody apart and joins nobody.
-        if ends == other_ends && normal(a) != DVec3::ZERO && normal(b) != DVec3::ZERO && normal(a).dot(normal(b)) > least {
-            groups.join(a[0] as usize, b[0] as usize);
-            groups.join(a[1] as usize, b[1] as usize);
+        if m != DVec3::ZERO && n != DVec3::ZERO && m.dot(n) > least {
+            groups.join(a[0], b[0]);
+            groups.join(a[1], b[1]);
         }
     }
     groups

@@ -1,24 +1,15 @@
 //! Polygons to triangles: a fan where the polygon is convex, ears clipped where it is not.
 //!
 //! Everything happens in the plane of Newell's normal, in f64, with fixed order: the same polygon gives the same triangles everywhere.
-//! Ear clipping (Meisters 1975) tests each corner again only when a neighbour was clipped, and against the reflex corners within the ear's
-//! width only, so it costs about n log n for outlines and n r for combs, r being the reflex corners; [`WORK`] bounds it for hostile ones.
-//! Monotone partition would cost n log n always and five hundred lines for faces that have seldom more than ten corners; the `earcut`
-//! crate drops corners on straight edges, and with them the seal between neighbouring polygons.
+//! The ears are in `ears`.
 //!
 //! Holes are expected as exporters write them: bridged, so that the polygon runs along the bridge twice and its ends appear twice.
 
+use super::ears;
 use glam::{DVec2, DVec3};
-use std::collections::VecDeque;
 
 /// A triangle whose doubled area is below this share of its longest side squared has no direction to speak of.
 const NO_AREA: f64 = 1e-10;
-/// A right turn whose doubled area is below this share of the squared extent is rounding of a straight line.
-const STRAIGHT: f64 = 1e-7;
-/// Corners compared, per corner of a polygon; after that the rest becomes a fan.
-const WORK: usize = 8_192;
-/// Times that all corners are looked through again when no ear is left, which mostly happens to polygons that cross themselves.
-const PASSES: u32 = 8;
 
 /// A polygon in triangles.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -45,7 +36,7 @@ pub fn triangulate(corners: &[DVec3]) -> Cut {
     if (0..n).all(|i| turn(flat[i], flat[(i + 1) % n], flat[(i + 2) % n]) >= 0.0) && fan_is_sound(&flat) {
         return Cut { triangles: fan(&all), sound: true };
     }
-    Clipper::new(&flat).run()
+    ears::clip(&flat)
 }
 
 /// Whether a triangle is too thin to have a normal.
@@ -57,15 +48,21 @@ pub fn has_no_area([a, b, c]: [DVec3; 3]) -> bool {
 
 /// Newell's normal: the sum over edges of their cross products, twice the polygon's vector area.
 #[must_use]
-pub fn newell(corners: &[DVec3]) -> DVec3 {
-    let origin = corners.first().copied().unwrap_or_default();
-    let next = corners.iter().cycle().skip(1);
-    corners.iter().zip(next).map(|(a, b)| (*a - origin).cross(*b - origin)).sum()
+pub fn newell(corners: impl IntoIterator<Item = DVec3>) -> DVec3 {
+    let mut corners = corners.into_iter();
+    let Some(origin) = corners.next() else { return DVec3::ZERO };
+    let mut last = DVec3::ZERO;
+    corners
+        .map(|corner| {
+            let to = corner - origin;
+            std::mem::replace(&mut last, to).cross(to)
+        })
+        .sum()
 }
 
 /// The polygon in its plane, counter-clockwise: the coordinate in which the normal is largest is left out.
 fn project(corners: &[DVec3]) -> Option<Vec<DVec2>> {
-    let normal = newell(corners);
+    let normal = newell(corners.iter().copied());
     let size = normal.abs();
     if size.max_element() <= 0.0 {
         return None;
@@ -85,7 +82,7 @@ fn project(corners: &[DVec3]) -> Option<Vec<DVec2>> {
 }
 
 /// Twice the signed area of a, b, c: positive for a left turn.
-fn turn(a: DVec2, b: DVec2, c: DVec2) -> f64 {
+pub(super) fn turn(a: DVec2, b: DVec2, c: DVec2) -> f64 {
     (b - a).perp_dot(c - a)
 }
 
@@ -94,142 +91,8 @@ fn fan_is_sound(flat: &[DVec2]) -> bool {
     (1..flat.len() - 1).all(|i| turn(flat[0], flat[i], flat[i + 1]) > 0.0)
 }
 
-fn fan(left: &[usize]) -> Vec<[usize; 3]> {
+pub(super) fn fan(left: &[usize]) -> Vec<[usize; 3]> {
     (1..left.len() - 1).map(|i| [left[0], left[i], left[i + 1]]).collect()
-}
-
-/// Which corners go.
-#[derive(Debug, Clone, Copy)]
-enum Clip {
-    /// Repeated corners and those between two visits of one place: first, because no ear test sees which side of a spike is inside.
-    Spikes,
-    /// Proper ears.
-    Ears,
-    /// Ears, and corners on a straight line: their triangles have no area and do no harm, but ears are worth more while there are any.
-    StraightToo,
-}
-
-/// What is left of a polygon while ears are clipped off.
-struct Clipper<'a> {
-    flat: &'a [DVec2],
-    previous: Vec<usize>,
-    next: Vec<usize>,
-    /// Corners that may lie inside an ear: still there, and no left turn.
-    reflex: Vec<bool>,
-    /// All corners that were reflex at the beginning (no other ever becomes so), by x.
-    by_x: Vec<(f64, usize)>,
-    left: usize,
-    work: usize,
-    /// Doubled area below which a turn is none.
-    straight: f64,
-}
-
-impl<'a> Clipper<'a> {
-    fn new(flat: &'a [DVec2]) -> Self {
-        let n = flat.len();
-        let (low, high) = flat.iter().fold((flat[0], flat[0]), |(low, high), p| (low.min(*p), high.max(*p)));
-        let mut clipper = Self {
-            flat,
-            previous: (0..n).map(|i| (i + n - 1) % n).collect(),
-            next: (0..n).map(|i| (i + 1) % n).collect(),
-            reflex: vec![false; n],
-            by_x: vec![],
-            left: n,
-            work: WORK.saturating_mul(n),
-            straight: STRAIGHT * (high - low).length_squared(),
-        };
-        for i in 0..n {
-            clipper.reflex[i] = clipper.turn_at(i) <= 0.0;
-        }
-        clipper.by_x = (0..n).filter(|i| clipper.reflex[*i]).map(|i| (flat[i].x, i)).collect();
-        clipper.by_x.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        clipper
-    }
-
-    fn run(mut self) -> Cut {
-        let mut triangles = Vec::with_capacity(self.flat.len() - 2);
-        self.clip(Clip::Spikes, &mut triangles);
-        self.clip(Clip::Ears, &mut triangles);
-        for _ in 0..PASSES {
-            let before = self.left;
-            self.clip(Clip::StraightToo, &mut triangles);
-            if self.left <= 3 || self.left == before {
-                break;
-            }
-        }
-        let rest = fan(&self.ring());
-        let sound = rest.iter().all(|[a, b, c]| turn(self.flat[*a], self.flat[*b], self.flat[*c]) >= -self.straight);
-        triangles.extend(rest);
-        Cut { triangles, sound }
-    }
-
-    /// Clips ears until none is found or the work is used up. A corner becomes an ear only when one beside it was clipped: everything
-    /// that lies in its way stays in its way, because the outside of what is left only grows.
-    fn clip(&mut self, what: Clip, triangles: &mut Vec<[usize; 3]>) {
-        let mut queue: VecDeque<usize> = self.ring().into();
-        let mut gone = vec![true; self.flat.len()];
-        queue.iter().for_each(|i| gone[*i] = false);
-        while let Some(tip) = queue.pop_front() {
-            if self.left <= 3 || self.work == 0 {
-                return;
-            }
-            if gone[tip] || !self.is_ear(tip, what) {
-                continue;
-            }
-            let (a, c) = (self.previous[tip], self.next[tip]);
-            triangles.push([a, tip, c]);
-            (self.next[a], self.previous[c]) = (c, a);
-            (gone[tip], self.reflex[tip]) = (true, false);
-            self.left -= 1;
-            for beside in [a, c] {
-                self.reflex[beside] = self.reflex[beside] && self.turn_at(beside) <= 0.0;
-                queue.push_back(beside);
-            }
-        }
-    }
-
-    /// The corners that are left, in order from the lowest.
-    fn ring(&self) -> Vec<usize> {
-        // A corner that was clipped is nobody's neighbour.
-        let start = (0..self.flat.len()).find(|i| self.next[self.previous[*i]] == *i).unwrap_or_default();
-        std::iter::successors(Some(start), |i| Some(self.next[*i])).take(self.left).collect()
-    }
-
-    fn turn_at(&self, i: usize) -> f64 {
-        turn(self.flat[self.previous[i]], self.flat[i], self.flat[self.next[i]])
-    }
-
-    /// Whether the triangle at a corner lies inside the polygon: a left turn that holds no reflex corner.
-    fn is_ear(&mut self, tip: usize, what: Clip) -> bool {
-        let [a, b, c] = [self.previous[tip], tip, self.next[tip]].map(|i| self.flat[i]);
-        let turned = turn(a, b, c);
-        match what {
-            Clip::Spikes => return a == b || b == c || a == c,
-            Clip::Ears if turned <= 0.0 => return false,
-            Clip::StraightToo if turned <= 0.0 => return turned >= -self.straight,
-            Clip::Ears | Clip::StraightToo => {}
-        }
-        let (low, high) = (a.min(b).min(c), a.max(b).max(c));
-        let from = self.by_x.partition_point(|(x, _)| *x < low.x);
-        for (_, i) in self.by_x[from..].iter().take_while(|(x, _)| *x <= high.x) {
-            self.work = self.work.saturating_sub(1);
-            let p = self.flat[*i];
-            if !self.reflex[*i] || p.y < low.y || p.y > high.y || p == a || p == c {
-                // A corner at the very place of one of the ear's is the other end of a bridge to a hole, and does not count.
-                continue;
-            }
-            let blocked = if p == b {
-                *i != tip
-                    && [self.previous[*i], self.next[*i]].map(|k| self.flat[k]).iter().any(|q| turn(a, b, *q) > 0.0 && turn(b, c, *q) > 0.0)
-            } else {
-                turn(a, b, p) >= 0.0 && turn(b, c, p) >= 0.0 && turn(c, a, p) >= 0.0
-            };
-            if blocked {
-                return false;
-            }
-        }
-        true
-    }
 }
 
 #[cfg(test)]
@@ -256,10 +119,10 @@ mod tests {
                 rotated.rotate_left(start);
                 let Cut { triangles, sound } = triangulate(&rotated);
                 assert!(sound);
-                let whole = newell(&rotated);
+                let whole = newell(rotated.iter().copied());
                 assert_eq!(triangles.len(), rotated.len() - 2);
                 assert!((area(&rotated, &triangles) - whole.length() / 2.0).abs() < 1e-9);
-                assert!(triangles.iter().all(|t| newell(&t.map(|i| rotated[i])).dot(whole) > 0.0));
+                assert!(triangles.iter().all(|t| newell(t.map(|i| rotated[i])).dot(whole) > 0.0));
             }
         }
     }
@@ -299,7 +162,7 @@ mod tests {
             let mut rotated = ring.clone();
             rotated.rotate_left(start);
             let Cut { triangles, sound } = triangulate(&rotated);
-            let scale = newell(&lift(&[(0., 0.), (1., 0.), (1., 1.), (0., 1.)])).length() / 2.0;
+            let scale = newell(lift(&[(0., 0.), (1., 0.), (1., 1.), (0., 1.)])).length() / 2.0;
             assert!(sound && (area(&rotated, &triangles) / scale - 63.0).abs() < 1e-9, "from {start}");
         }
     }
@@ -324,8 +187,16 @@ mod tests {
             (0., 1.),
         ]);
         let Cut { triangles, sound } = triangulate(&polygon);
-        assert!(sound && (area(&polygon, &triangles) - newell(&polygon).length() / 2.0).abs() < 1e-9);
+        assert!(sound && (area(&polygon, &triangles) - newell(polygon.iter().copied()).length() / 2.0).abs() < 1e-9);
         assert_eq!(triangles.len(), polygon.len() - 2);
+        // A spike out of a reflex corner hides that it is one until the spike is gone.
+        let hidden = lift(&[(0., 0.), (2., 0.), (2., 1.), (1., 1.), (0.5, 0.5), (1., 1.), (1., 2.), (0., 2.)]);
+        for start in 0..hidden.len() {
+            let mut rotated = hidden.clone();
+            rotated.rotate_left(start);
+            let Cut { triangles, sound } = triangulate(&rotated);
+            assert!(sound && (area(&rotated, &triangles) - newell(rotated.iter().copied()).length() / 2.0).abs() < 1e-9, "from {start}");
+        }
     }
 
     /// A comb of teeth as long as the polygon is wide, the worst of the honest cases, and a tangle: both end, and the comb is right.
@@ -339,7 +210,7 @@ mod tests {
         comb.reverse();
         let corners = lift(&comb);
         let Cut { triangles, sound } = triangulate(&corners);
-        assert!(sound && (area(&corners, &triangles) / (newell(&corners).length() / 2.0) - 1.0).abs() < 1e-9);
+        assert!(sound && (area(&corners, &triangles) / (newell(corners.iter().copied()).length() / 2.0) - 1.0).abs() < 1e-9);
         let tangle: Vec<(f64, f64)> = (0..3_000u32).map(|i| (f64::from(i * 7919 % 3001), f64::from(i * 104_729 % 2999))).collect();
         assert_eq!(triangulate(&lift(&tangle)).triangles.len(), 2_998);
     }
@@ -367,7 +238,7 @@ mod tests {
             let Cut { triangles, sound } = triangulate(&corners);
             prop_assert!(sound);
             prop_assert_eq!(triangles.len(), corners.len() - 2);
-            prop_assert!((area(&corners, &triangles) - newell(&corners).length() / 2.0).abs() < 1e-9);
+            prop_assert!((area(&corners, &triangles) - newell(corners.iter().copied()).length() / 2.0).abs() < 1e-9);
         }
     }
 }

@@ -80,7 +80,7 @@ mod tests {
         mesh.transform(&shear).unwrap();
         let normals = mesh.normals.clone().unwrap();
         for run in mesh.polygons() {
-            let face = super::super::newell(&run.clone().map(|c| mesh.place(c)).collect::<Vec<_>>()).normalize();
+            let face = super::super::newell(run.clone().map(|c| mesh.place(c))).normalize();
             for c in run {
                 assert!(Vec3::from_array(normals.get(c)).as_dvec3().distance(face) < 1e-6);
             }

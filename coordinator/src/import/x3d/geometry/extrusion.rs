@@ -149,7 +149,7 @@ impl Extrusion {
         let start = mesh.corners.len();
         mesh.push_polygon(points.iter().map(|k| (row * columns + k) as u32));
         let places: Vec<DVec3> = (start..mesh.corners.len()).map(|c| mesh.place(c)).collect();
-        let normal = newell(&places).try_normalize().unwrap_or(DVec3::Y).as_vec3().to_array();
+        let normal = newell(places).try_normalize().unwrap_or(DVec3::Y).as_vec3().to_array();
         normals.at.extend(points.iter().map(|_| normals.values.len() as u32));
         normals.values.push(normal);
         let (low, size) = self.section_box();

@@ -32,6 +32,21 @@ pub struct Disk2D {
     pub solid: bool,
 }
 
+/// The fields of an ArcClose2D.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ArcClose2D {
+    /// `PIE` (closed through the centre) or `CHORD` (closed by a line).
+    pub closure_type: String,
+    /// Where the arc begins, radians from +X toward +Y.
+    pub start_angle: f32,
+    /// Where it ends, going counter-clockwise.
+    pub end_angle: f32,
+    /// Radius of the circle.
+    pub radius: f32,
+    /// Only the front is seen.
+    pub solid: bool,
+}
+
 /// The fields of a TriangleSet2D.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct TriangleSet2D {
@@ -51,6 +66,20 @@ impl Default for Disk2D {
     fn default() -> Self {
         Self { inner_radius: 0.0, outer_radius: 1.0, solid: false }
     }
+}
+
+impl Default for ArcClose2D {
+    fn default() -> Self {
+        let quarter = std::f32::consts::FRAC_PI_2;
+        Self { closure_type: "PIE".into(), start_angle: 0.0, end_angle: quarter, radius: 1.0, solid: false }
+    }
+}
+
+/// A point of a circle about the origin; the texture's square lies around a circle of radius `outer`.
+fn on_circle(degrees: f64, radius: f64, outer: f64) -> Point {
+    let (sin, cos) = sin_cos_degrees(degrees);
+    let place = DVec2::new(cos, sin) * radius;
+    Point { place: place.extend(0.0), normal: DVec3::Z, uv: place / (2.0 * outer) + 0.5 }
 }
 
 impl Rectangle2D {
@@ -86,11 +115,7 @@ impl Disk2D {
         if inner == outer {
             return Err(GeometryError::Empty { why: "innerRadius equals outerRadius, which is a line" });
         }
-        let at = |i: u32, radius: f64| {
-            let (sin, cos) = sin_cos_degrees(360.0 * f64::from(i) / f64::from(AROUND));
-            let place = DVec2::new(cos, sin) * radius;
-            Point { place: place.extend(0.0), normal: DVec3::Z, uv: place / (2.0 * outer) + 0.5 }
-        };
+        let at = |i: u32, radius: f64| on_circle(360.0 * f64::from(i) / f64::from(AROUND), radius, outer);
         let points: Vec<Point> = if inner > 0.0 {
             (0..=AROUND).map(|i| at(i, outer)).chain((0..=AROUND).rev().map(|i| at(i, inner))).collect()
         } else {
@@ -99,6 +124,41 @@ impl Disk2D {
         let mut patch = Patch::default();
         patch.face(&points);
         Ok(patch.finish(self.solid, Repairs::default()))
+    }
+}
+
+impl ArcClose2D {
+    /// One polygon with the segments that a disc has in this sector; equal angles, or those a turn apart, are the whole disc.
+    ///
+    /// # Errors
+    /// A radius that is not positive, and angles that are not numbers.
+    pub fn build(&self) -> Result<Geometry, GeometryError> {
+        let radius = positive("radius", self.radius)?;
+        finite("startAngle", &[[self.start_angle]])?;
+        finite("endAngle", &[[self.end_angle]])?;
+        let mut repairs = Repairs::default();
+        if !matches!(self.closure_type.as_str(), "PIE" | "CHORD") {
+            repairs.note("values other than PIE and CHORD were read as PIE", "closureType", 0);
+        }
+        let from = f64::from(self.start_angle).to_degrees();
+        let apart = f64::from(self.end_angle).to_degrees() - from;
+        let whole = apart == 0.0 || apart.abs() >= 360.0;
+        let sweep = if whole { 360.0 } else { apart.rem_euclid(360.0) };
+        // Rounding noise of a quarter turn in f32 must not add a segment.
+        let segments = (f64::from(AROUND) * sweep / 360.0 - 1e-4).ceil().max(1.0) as u32;
+        let arc = (0..=segments).map(|i| on_circle(from + sweep * f64::from(i) / f64::from(segments), radius, radius));
+        let mut points: Vec<Point> = arc.collect();
+        if whole {
+            points.pop();
+        } else if self.closure_type != "CHORD" {
+            points.push(on_circle(0.0, 0.0, radius));
+        }
+        if points.len() < 3 {
+            return Err(GeometryError::Empty { why: "its arc is a line" });
+        }
+        let mut patch = Patch::default();
+        patch.face(&points);
+        Ok(patch.finish(self.solid, repairs))
     }
 }
 

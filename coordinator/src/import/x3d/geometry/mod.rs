@@ -24,7 +24,7 @@ pub use elevation::ElevationGrid;
 pub use error::{GeometryError, Repair, Repairs};
 pub use extrusion::Extrusion;
 pub use face_set::IndexedFaceSet;
-pub use flat::{Disk2D, Rectangle2D, TriangleSet2D};
+pub use flat::{ArcClose2D, Disk2D, Rectangle2D, TriangleSet2D};
 pub use round::{Cone, Cylinder, Sphere};
 pub use sets::{
     IndexedQuadSet, IndexedTriangleFanSet, IndexedTriangleSet, IndexedTriangleStripSet, QuadSet, TriangleFanSet, TriangleSet,

@@ -16,7 +16,7 @@ fn check(mesh: &Mesh) {
     let normals = mesh.normals.as_ref().unwrap();
     assert_eq!((normals.at.len(), mesh.uv_sets[0].at.len()), (mesh.corners.len(), mesh.corners.len()));
     for run in mesh.polygons() {
-        let face = newell(&run.clone().map(|c| mesh.place(c)).collect::<Vec<_>>());
+        let face = newell(run.clone().map(|c| mesh.place(c)));
         for c in run {
             let n = Vec3::from_array(normals.get(c)).as_dvec3();
             assert!((n.length() - 1.0).abs() < 1e-6 && n.dot(face) >= 0.0);
@@ -132,4 +132,21 @@ fn plane_figures_look_toward_z_and_are_two_sided() {
     assert!(t.mesh.normals.as_ref().unwrap().values.iter().all(|n| *n == [0.0, 0.0, 1.0]));
     assert_eq!((area(&t.mesh), t.repairs.to_string()), (2.0, "entries after the last whole face were left out: 1, at vertices[6]".into()));
     assert_eq!(uv_where(&t.mesh, |p, _| p.y == 1.0), [0.0, 0.5]);
+}
+
+#[test]
+fn arcs_close_as_they_say() {
+    let arc = |closure_type: &str, start_angle: f32, end_angle: f32| {
+        let g = ArcClose2D { closure_type: closure_type.into(), start_angle, end_angle, ..ArcClose2D::default() }.build().unwrap();
+        check(&g.mesh);
+        (area(&g.mesh), g.repairs.0.len())
+    };
+    let (quarter, turn) = (std::f32::consts::FRAC_PI_2, std::f32::consts::TAU);
+    let disc = area(&Disk2D::default().build().unwrap().mesh);
+    let close = |a: f64, b: f64| (a - b).abs() < 1e-6;
+    assert!(close(arc("PIE", 0.0, quarter).0, disc / 4.0) && close(arc("CHORD", 0.0, quarter).0, disc / 4.0 - 0.5));
+    assert!(close(arc("PIE", quarter, 0.0).0, disc * 0.75), "counter-clockwise, the long way, and not convex");
+    assert!(close(arc("PIE", 1.0, 1.0).0, disc) && close(arc("CHORD", -1.0, turn).0, disc));
+    assert_eq!(arc("ROUND", 0.0, quarter).1, 1);
+    assert!(ArcClose2D { closure_type: "CHORD".into(), end_angle: 1e-3, ..ArcClose2D::default() }.build().is_err());
 }
