@@ -10,13 +10,11 @@ mod normals;
 mod polygon;
 mod texture;
 mod transform;
-mod weld;
 
 pub use normals::{Smoothing, smooth};
 pub use polygon::{Cut, has_no_area, newell, triangulate};
 pub use texture::box_mapping;
 pub use transform::{Overflow, axis_angle};
-pub use weld::Weld;
 
 use glam::{DVec3, Vec3};
 use std::ops::Range;

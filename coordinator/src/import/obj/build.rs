@@ -9,8 +9,9 @@ use super::{
 };
 use crate::import::{
     findings::{At, Findings},
-    mesh::{Weld, has_no_area, triangulate},
+    mesh::triangulate,
     name::{Stems, unique},
+    weld::Weld,
 };
 use glam::{DVec3, Vec3};
 use kiln_proto::{
@@ -18,7 +19,7 @@ use kiln_proto::{
     scene::{Surface, Triangle},
 };
 use std::{
-    collections::{BTreeMap, BTreeSet, HashSet},
+    collections::{BTreeMap, BTreeSet},
     ops::Range,
 };
 
@@ -53,8 +54,7 @@ pub(super) struct Builder<'a> {
     file: &'a str,
     scan: &'a Scan,
     by_object: bool,
-    places: Weld,
-    seen: HashSet<[u32; 3]>,
+    weld: Weld,
     parts: Vec<Part>,
     part_ids: BTreeMap<(Option<usize>, Option<usize>), usize>,
     count: usize,
@@ -66,8 +66,7 @@ impl<'a> Builder<'a> {
             file,
             scan,
             by_object: scan.groups.iter().any(|g| g.object.is_some()),
-            places: Weld::default(),
-            seen: HashSet::new(),
+            weld: Weld::default(),
             parts: vec![],
             part_ids: BTreeMap::new(),
             count: 0,
@@ -98,7 +97,7 @@ impl<'a> Builder<'a> {
         let at = At::line(self.file, face.note.line);
         let corners: Vec<u32> = face.mesh.indices[face.corners.clone()].iter().map(|i| self.place(face.mesh, *i)).collect();
         let uv = face.uv();
-        let world: Vec<DVec3> = corners.iter().map(|c| Vec3::from_array(self.places.positions()[*c as usize]).as_dvec3()).collect();
+        let world: Vec<DVec3> = corners.iter().map(|c| Vec3::from_array(self.weld.positions.values[*c as usize]).as_dvec3()).collect();
         let polygon = self.parts[part].polygons;
         self.parts[part].polygons += 1;
         let cut = triangulate(&world);
@@ -106,13 +105,9 @@ impl<'a> Builder<'a> {
             findings.count(at, "polygons that cross themselves were cut as well as they can be");
         }
         for t in cut.triangles {
-            if has_no_area(t.map(|i| world[i])) {
-                findings.count(at, "triangles without area were dropped");
-                continue;
-            }
             let corners = t.map(|i| corners[i]);
-            if !self.seen.insert(least_first(corners)) {
-                findings.count(at, "triangles that repeat another one exactly were dropped");
+            if let Err(left) = self.weld.triangle(corners) {
+                findings.count(at, left.words());
                 continue;
             }
             self.parts[part].triangles.push((Triangle { corners, polygon }, uv.as_ref().map(|uv| t.map(|i| uv[i]))));
@@ -121,7 +116,7 @@ impl<'a> Builder<'a> {
     }
 
     fn place(&mut self, mesh: &tobj::Mesh, index: u32) -> u32 {
-        self.places.id(std::array::from_fn(|k| mesh.positions[3 * index as usize + k]))
+        self.weld.positions.id(std::array::from_fn(|k| mesh.positions[3 * index as usize + k]))
     }
 
     fn part(&mut self, group: Group, line: u32, materials: &mut Materials<'_>, findings: &mut Findings) -> usize {
@@ -159,7 +154,7 @@ impl<'a> Builder<'a> {
             let file_stem = stems.take(&name);
             surfaces.push(Surface { file_stem, ..Surface::plain(name, part.material, part.triangles) });
         }
-        (self.places.into_positions(), surfaces)
+        (self.weld.positions.values, surfaces)
     }
 }
 
@@ -169,17 +164,5 @@ fn face_sizes(mesh: &tobj::Mesh) -> Box<dyn Iterator<Item = usize> + '_> {
         Box::new(std::iter::repeat_n(3, mesh.indices.len() / 3))
     } else {
         Box::new(mesh.face_arities.iter().map(|a| *a as usize))
-    }
-}
-
-/// The same triangle begun at its lowest corner: rotations are equal, mirror images are not.
-fn least_first(corners: [u32; 3]) -> [u32; 3] {
-    let [a, b, c] = corners;
-    if a <= b && a <= c {
-        [a, b, c]
-    } else if b <= c {
-        [b, c, a]
-    } else {
-        [c, a, b]
     }
 }

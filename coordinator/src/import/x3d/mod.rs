@@ -24,6 +24,7 @@ mod value;
 mod xml;
 
 use super::{Bundle, BundlePath, findings::Findings};
+use kiln_proto::{options::ImportOptions, scene::Scene};
 
 pub(super) use document::{Document, Inlined, NodeId, Place};
 pub(super) use node::NodeRef;
@@ -35,6 +36,12 @@ pub(super) use node::NodeRef;
 pub(super) fn read(bundle: &Bundle, main: &BundlePath, bytes: &[u8], time: Option<f64>, findings: &mut Findings) -> Option<Document> {
     let document = resolve::resolve(bundle, main, bytes, findings)?;
     Some(document)
+}
+
+/// The canonical scene of an X3D or VRML97 file of a bundle; `None` where there were errors.
+pub(super) fn import(bundle: &Bundle, main: &BundlePath, bytes: &[u8], options: &ImportOptions, findings: &mut Findings) -> Option<Scene> {
+    let document = read(bundle, main, bytes, options.time, findings)?;
+    scene::build(bundle, &document, options, findings)
 }
 
 /// The version in a text such as `3.3`, times ten; 0 where there is none.

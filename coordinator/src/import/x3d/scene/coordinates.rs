@@ -57,7 +57,8 @@ impl<'d> Coordinates<'d> {
             "TextureCoordinateGenerator" => {
                 let mode = node.string("mode");
                 if mode != "BOUNDS" && mode != "COORD" {
-                    let message = format!("TextureCoordinateGenerator {mode} depends on the viewer or is not known; automatic coordinates are used");
+                    let message =
+                        format!("TextureCoordinateGenerator {mode} depends on the viewer or is not known; automatic coordinates are used");
                     findings.warn(node.at_field("mode"), message);
                 }
                 Source::Automatic

@@ -129,7 +129,10 @@ fn projection(placed: &Placed<'_>, findings: &mut Findings) -> Option<Projection
         automatic |= if value == 0.0 { bit } else { 0 };
     }
     if automatic & (NEAR | FAR) == 0 && near >= far {
-        findings.error(node.at_field("projectionNear"), format!("{} has projectionNear {near}, which is not below projectionFar {far}", node.kind()));
+        findings.error(
+            node.at_field("projectionNear"),
+            format!("{} has projectionNear {near}, which is not below projectionFar {far}", node.kind()),
+        );
         return None;
     }
     let mut out = Projection { near: near * scale, far: far * scale, automatic, ..Projection::default() };
@@ -145,7 +148,10 @@ fn projection(placed: &Placed<'_>, findings: &mut Findings) -> Option<Projection
     if node.kind() == "SpotLight" {
         let angle = node.float("projectionAngle");
         if !(0.0..PI).contains(&angle) {
-            findings.error(node.at_field("projectionAngle"), format!("SpotLight has the projectionAngle {angle}; it lies in [0, pi) (0: automatic)"));
+            findings.error(
+                node.at_field("projectionAngle"),
+                format!("SpotLight has the projectionAngle {angle}; it lies in [0, pi) (0: automatic)"),
+            );
             return None;
         }
         out.automatic |= if angle == 0.0 { ANGLE } else { 0 };
@@ -206,7 +212,8 @@ pub(super) fn shadow_map(node: NodeRef<'_>, findings: &mut Findings) -> Option<S
         "COMPARE_R_GEQUAL" => ShadowCompare::GreaterEqual,
         "NONE" => ShadowCompare::None,
         other => {
-            findings.warn(node.at_field("compareMode"), format!("GeneratedShadowMap has the compareMode `{other}`; COMPARE_R_LEQUAL is used"));
+            findings
+                .warn(node.at_field("compareMode"), format!("GeneratedShadowMap has the compareMode `{other}`; COMPARE_R_LEQUAL is used"));
             ShadowCompare::LessEqual
         }
     };

@@ -8,7 +8,11 @@ use super::{
     coordinates::{Coordinates, Source},
     texture::{Layer, Textures, mapping},
 };
-use crate::import::{findings::Findings, images::Image, x3d::NodeRef};
+use crate::import::{
+    findings::{At, Findings},
+    images::Image,
+    x3d::NodeRef,
+};
 use kiln_proto::{
     scene::{
         AlphaMode, Coding, Lobe, Material, MetallicRoughness, NormalMap, Opacity, Phong, Reflection, TextureLayer, TextureRef, energy_scale,
@@ -70,7 +74,8 @@ impl Maker<'_, '_, '_, '_> {
         let mut material = match node.kind() {
             "UnlitMaterial" => {
                 let texture = self.own_texture(node, "emissiveTexture", Coding::Srgb);
-                self.unlit(name, colour(node, "emissiveColor", self.findings), texture)
+                let emission = colour(node, "emissiveColor", self.findings);
+                self.unlit(name, emission, texture)
             }
             "PhysicalMaterial" => self.physical(node, name),
             _ => self.phong(node, name, prefix),
@@ -122,17 +127,14 @@ impl Maker<'_, '_, '_, '_> {
     /// Something that is drawn in its colour whatever light there is: it gives that colour as light.
     fn unlit(&mut self, name: &str, emission: Rgb, texture: Option<(Image, TextureRef)>) -> Material {
         if self.shape.has_colours {
-            self.findings.count(self.at(), "vertex colours of unlit shapes were ignored");
+            let at = self.shape.appearance.map_or(At::file(""), |a| a.at());
+            self.findings.count(at, "vertex colours of unlit shapes were ignored");
         }
         let texture = texture.map(|(_, t)| t).or_else(|| self.layers().first().map(|l| l.texture));
         let mut material = Material::new(name, Reflection::None).emitting(emission);
         material.emission_texture = texture;
         material.opacity = self.opacity(0.0, None);
         material
-    }
-
-    fn at(&self) -> crate::import::findings::At<'_> {
-        self.shape.appearance.map_or(crate::import::findings::At::file(""), |a| a.at())
     }
 
     /// The layers of the appearance's own texture.

@@ -56,7 +56,8 @@ fn build(node: NodeRef<'_>, coordinates: &Coordinates<'_>) -> Option<Result<Geom
     Some(match node.kind() {
         "Box" => BoxNode { size: node.vec3("size"), solid }.build(),
         "Sphere" => Sphere { radius: float("radius"), solid }.build(),
-        "Cone" => Cone { bottom_radius: float("bottomRadius"), height: float("height"), side: flag("side"), bottom: flag("bottom"), solid }.build(),
+        "Cone" => Cone { bottom_radius: float("bottomRadius"), height: float("height"), side: flag("side"), bottom: flag("bottom"), solid }
+            .build(),
         "Cylinder" => {
             let (side, top, bottom) = (flag("side"), flag("top"), flag("bottom"));
             Cylinder { radius: float("radius"), height: float("height"), side, top, bottom, solid }.build()

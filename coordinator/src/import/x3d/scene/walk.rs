@@ -62,7 +62,8 @@ impl<'d> World<'d> {
         let root = Place { matrix: DMat4::IDENTITY, group: 0, name: None };
         for node in document.roots() {
             if !walk.visit(node, root) {
-                let message = format!("the scene stands for more than {MAX_STEPS} nodes, {} shapes or {} lights", limits::SURFACES, limits::LIGHTS);
+                let message =
+                    format!("the scene stands for more than {MAX_STEPS} nodes, {} shapes or {} lights", limits::SURFACES, limits::LIGHTS);
                 walk.findings.error(node.at(), message);
                 break;
             }
@@ -94,7 +95,9 @@ impl<'d> Walk<'d, '_> {
             "DirectionalLight" | "PointLight" | "SpotLight" => world.lights.push(placed()),
             "EnvironmentLight" => self.findings.count(node.at(), "EnvironmentLight nodes were skipped: give an environment map instead"),
             "Viewpoint" | "OrthoViewpoint" => world.viewpoints.push(placed()),
-            "NavigationInfo" | "KambiNavigationInfo" | "Background" | "TextureBackground" | "Fog" | "LocalFog" => world.bindables.push(node),
+            "NavigationInfo" | "KambiNavigationInfo" | "Background" | "TextureBackground" | "Fog" | "LocalFog" => {
+                world.bindables.push(node)
+            }
             _ => return self.descend(node, place),
         }
         true
