@@ -11,6 +11,7 @@
 mod classic;
 mod document;
 mod encoding;
+mod evaluate;
 mod json;
 mod limits;
 mod literal;
@@ -31,7 +32,10 @@ pub(super) use node::NodeRef;
 ///
 /// Cost: linear in the files and in what prototypes multiply; bounded by `limits`.
 pub(super) fn read(bundle: &Bundle, main: &BundlePath, bytes: &[u8], time: Option<f64>, findings: &mut Findings) -> Option<Document> {
-    let document = resolve::resolve(bundle, main, bytes, findings)?;
+    let mut document = resolve::resolve(bundle, main, bytes, findings)?;
+    if let Some(time) = time {
+        evaluate::evaluate(&mut document, time, findings);
+    }
     Some(document)
 }
 
