@@ -4,8 +4,11 @@
 pub(crate) const MAX_DEPTH: u16 = 200;
 /// Nodes of a document, with prototypes expanded and files inlined.
 pub(super) const MAX_NODES: usize = 1 << 20;
-/// Statements, fields and nodes looked at while prototypes expand: bounds the ones that expand to nothing, exponentially often.
-pub(super) const MAX_STEPS: u64 = 1 << 24;
+/// Statements, fields and nodes looked at while prototypes expand, beyond those that stand in the files: bounds what expands to nothing,
+/// exponentially often.
+pub(super) const MAX_STEPS: u64 = 1 << 20;
+/// What an instance of a prototype counts: it has names of its own to set up.
+pub(super) const INSTANCE_STEPS: u64 = 8;
 /// Prototypes inside one another: a prototype made of a prototype takes more of the stack than a node in a node.
 pub(super) const MAX_PROTO_DEPTH: usize = 32;
 /// Files inlined into one another.

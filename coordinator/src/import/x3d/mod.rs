@@ -45,3 +45,7 @@ fn parse_version(text: &str) -> u32 {
     let digit = |t: &str| t.chars().next().and_then(|c| c.to_digit(10));
     major.parse::<u32>().ok().filter(|m| *m < 100).map_or(0, |m| 10 * m + digit(minor).unwrap_or_default())
 }
+#[cfg(test)]
+mod testing;
+#[cfg(test)]
+mod tests;

@@ -176,7 +176,11 @@ impl Reader<'_> {
                 _ if !child.is_element() => {}
                 "IS" => self.connections(child, body)?,
                 "fieldValue" => body.push(Item::Field(self.field_value(child, depth)?)),
-                "field" if !instance => body.push(Item::Declared { place: self.place(child) }),
+                "field" if !instance => {
+                    let (place, mut nodes) = (self.place(child), vec![]);
+                    self.items(child, &mut nodes, depth + 1)?;
+                    body.push(Item::Declared { place, nodes });
+                }
                 _ => self.item(child, body, depth + 1)?,
             }
         }

@@ -87,7 +87,9 @@ impl Resolver<'_> {
             match item {
                 Item::Node(node) if node.usage.is_some() => {}
                 Item::Node(node) => self.skip_inner(frame, node, above),
-                Item::Field(FieldItem { written: Written::Nodes(nodes), .. }) => self.skip_items(frame, nodes, above),
+                Item::Field(FieldItem { written: Written::Nodes(nodes), .. }) | Item::Declared { nodes, .. } => {
+                    self.skip_items(frame, nodes, above);
+                }
                 other => self.statement(frame, other),
             }
         }
@@ -154,8 +156,9 @@ impl Resolver<'_> {
             match element {
                 Item::Field(field) => self.field(frame, id, field, above),
                 Item::Node(child) => self.child(frame, id, child, &mut children, above),
-                Item::Declared { place } => {
+                Item::Declared { place, nodes } => {
                     self.tally.add(*place, format!("fields that a `{}` declares for itself were skipped", kind.name));
+                    self.skip_items(frame, nodes, above + 1);
                 }
                 other => self.statement(frame, other),
             }
@@ -191,7 +194,9 @@ impl Resolver<'_> {
             return;
         }
         let kind = self.node_of(id).kind;
-        let Some((index, field)) = kind.field(&item.name) else {
+        // `set_intensity IS power` is said of the event alone.
+        let found = if matches!(item.written, Written::Is(_)) { kind.event(&item.name) } else { kind.field(&item.name) };
+        let Some((index, field)) = found else {
             self.tally.add(item.place, format!("the field `{}` of `{}` is unknown and was skipped", shown(&item.name), kind.name));
             if let Written::Nodes(items) = &item.written {
                 self.skip_items(frame, items, above + 1);

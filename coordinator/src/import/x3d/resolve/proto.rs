@@ -11,8 +11,8 @@ use super::{
 };
 use crate::import::x3d::{
     document::{NodeId, Place},
-    limits::MAX_PROTO_DEPTH,
-    literal::shown,
+    limits::{INSTANCE_STEPS, MAX_PROTO_DEPTH},
+    literal::{shown, shown_addresses},
     syntax::{FieldItem, File, Item, NodeItem, ProtoBody, ProtoItem, Written},
     table::Field,
     value::{Base, Value},
@@ -124,6 +124,9 @@ impl Resolver<'_> {
             let deep =
                 if self.instancing.contains(&prototype) { "inside itself".into() } else { format!("{MAX_PROTO_DEPTH} deep in others") };
             self.error(item.place, format!("the prototype `{}` is used {deep}", shown(&item.name)));
+            return None;
+        }
+        if !self.steps(item.place, INSTANCE_STEPS) {
             return None;
         }
         let (arguments, outer) = self.arguments(frame, item, prototype, above);
