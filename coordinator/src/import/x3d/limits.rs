@@ -13,6 +13,8 @@ pub(super) const INSTANCE_STEPS: u64 = 8;
 pub(super) const MAX_PROTO_DEPTH: usize = 32;
 /// Files inlined into one another.
 pub(super) const MAX_INLINE_DEPTH: usize = 16;
+/// Calls of the resolver inside one another: a path of nodes, with the instances and files on it.
+pub(super) const MAX_RECURSION: usize = MAX_DEPTH as usize + MAX_PROTO_DEPTH + MAX_INLINE_DEPTH;
 /// Brackets inside one another in JSON, which takes three for a node.
 pub(super) const MAX_JSON_DEPTH: usize = 4 * MAX_DEPTH as usize;
 /// A compressed file may not expand to more than this many times its size (and 1 MiB more); texts of numbers come to 10.

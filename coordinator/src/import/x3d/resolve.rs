@@ -57,6 +57,8 @@ struct Resolver<'a> {
     instancing: Vec<usize>,
     /// The nodes whose bodies are being read, outermost first.
     open: Vec<NodeId>,
+    /// Nodes being read inside one another, with instances and defaults.
+    depth: usize,
     /// What Inline nodes export.
     exports: BTreeMap<NodeId, BTreeMap<Box<str>, Target>>,
     /// What may still be looked at: [`MAX_STEPS`] and a step for each byte of text, in which nothing takes less.
@@ -80,6 +82,7 @@ impl<'a> Resolver<'a> {
             scopes: vec![],
             instancing: vec![],
             open: vec![],
+            depth: 0,
             exports: BTreeMap::new(),
             steps_left: MAX_STEPS,
             exhausted: false,

@@ -6,7 +6,7 @@ use super::{
 };
 use crate::import::x3d::{
     document::{Node, NodeId, Place},
-    limits::MAX_DEPTH,
+    limits::{MAX_DEPTH, MAX_RECURSION},
     literal::{self, shown},
     syntax::{FieldItem, Item, NodeItem, Span, Written},
     table::{self, Access, Field, NodeType},
@@ -46,10 +46,18 @@ impl Resolver<'_> {
         if !self.step(item.place) {
             return None;
         }
-        if above >= MAX_DEPTH {
+        // Defaults of prototypes hang nowhere yet and are counted from 0 again; the stack is not.
+        if above >= MAX_DEPTH || self.depth >= MAX_RECURSION {
             self.error(item.place, format!("more than {MAX_DEPTH} nodes inside one another, with what is instantiated here"));
             return None;
         }
+        self.depth += 1;
+        let id = self.any_node(frame, item, above);
+        self.depth -= 1;
+        id
+    }
+
+    fn any_node(&mut self, frame: &mut Frame, item: &NodeItem, above: u16) -> Option<NodeId> {
         if let Some(name) = &item.usage {
             return self.usage(frame, item, name, above);
         }

@@ -331,7 +331,15 @@ fn depth_is_bounded_in_every_way_to_get_there() {
     let nest_json = |n: usize| format!("{}{{\"Shape\": {{}}}}{}", "{\"Group\": {\"-children\": [".repeat(n), "]}}".repeat(n));
     let chain: String = (1..300).map(|i| format!("DEF N{i} Group {{ children USE N{} }} ", i - 1)).collect();
     let tower: String = (1..30).map(|i| format!("PROTO P{i} [ ] {{ Group {{ children Group {{ children Group {{ children Group {{ children Group {{ children Group {{ children Group {{ children P{} {{ }} }} }} }} }} }} }} }} }} ", i - 1)).collect();
+    // The defaults of a prototype's fields, declared at the bottom of another's body.
+    let level = |i: usize| {
+        let inner = format!("PROTO Q [ field SFNode q P{} {{ }} ] {{ }}", i - 1);
+        format!("PROTO P{i} [ ] {{ {}Group {{ {inner} }}{} }} ", "Group { children ".repeat(150), " }".repeat(150))
+    };
+    let defaults: String = (1..30).map(level).collect();
     let run = move || {
+        let outcome = classic(&format!("PROTO P0 [ ] {{ Box {{ }} }} {defaults} P29 {{ }}"));
+        assert!(outcome.errors[0].contains("more than 200 nodes inside one another, with what is instantiated"), "{:?}", outcome.errors);
         assert!(dump(&classic(&nest(199)).clean()).contains(" Shape "));
         assert!(dump(&xml(&nest_xml(199)).clean()).contains(" Shape "));
         assert!(dump(&json(&nest_json(199)).clean()).contains(" Shape "));
