@@ -11,6 +11,7 @@
 mod classic;
 mod document;
 mod encoding;
+mod evaluate;
 mod geometry;
 mod json;
 mod limits;
@@ -34,7 +35,10 @@ pub(super) use node::NodeRef;
 ///
 /// Cost: linear in the files and in what prototypes multiply; bounded by `limits`.
 pub(super) fn read(bundle: &Bundle, main: &BundlePath, bytes: &[u8], time: Option<f64>, findings: &mut Findings) -> Option<Document> {
-    let document = resolve::resolve(bundle, main, bytes, findings)?;
+    let mut document = resolve::resolve(bundle, main, bytes, findings)?;
+    if let Some(time) = time {
+        evaluate::evaluate(&mut document, time, findings);
+    }
     Some(document)
 }
 
@@ -50,3 +54,7 @@ fn parse_version(text: &str) -> u32 {
     let digit = |t: &str| t.chars().next().and_then(|c| c.to_digit(10));
     major.parse::<u32>().ok().filter(|m| *m < 100).map_or(0, |m| 10 * m + digit(minor).unwrap_or_default())
 }
+#[cfg(test)]
+mod testing;
+#[cfg(test)]
+mod tests;
