@@ -4,7 +4,8 @@
 //! section 3.11). Without a time nothing happens: the rest pose.
 
 use super::{
-    accessor::{Accessor, Accessors, Component},
+    accessor::{Accessor, Accessors},
+    element::Component,
     json::Json,
     node::{Graph, Local, unit},
     report::Report,

@@ -5,17 +5,14 @@ use super::{
     node::Node,
     report::{POSITIVE, Report, SHARE},
 };
-use crate::import::name::unique;
+use crate::import::name::Names;
 use glam::{DMat4, DVec3};
 use kiln_proto::{
     limits,
     scene::{Camera, Falloff, Lens, Light, LightShape, Projection, SpotProfile},
     units::Rgb,
 };
-use std::{
-    collections::BTreeSet,
-    f64::consts::{FRAC_PI_2, FRAC_PI_4, PI},
-};
+use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 
 /// A light before a node places it.
 #[derive(Debug, Clone, Copy)]
@@ -36,7 +33,7 @@ enum Kind {
 pub(super) fn lights(root: Json<'_>, nodes: &[&Node<'_>], report: &mut Report<'_>) -> Vec<Light> {
     let list = root.extension("KHR_lights_punctual").map(|e| report.objects(e, "lights")).unwrap_or_default();
     let lamps: Vec<Option<Lamp>> = list.iter().map(|json| lamp(*json, report)).collect();
-    let (mut lights, mut names) = (vec![], BTreeSet::new());
+    let (mut lights, mut names) = (vec![], Names::default());
     for node in nodes {
         let Some(extension) = node.json.extension("KHR_lights_punctual") else { continue };
         let index = report.required(extension, "light").and_then(|at| report.index_at(at, "light", lamps.len()));
@@ -46,8 +43,7 @@ pub(super) fn lights(root: Json<'_>, nodes: &[&Node<'_>], report: &mut Report<'_
             break;
         }
         let name = [node.json, list[index]].into_iter().find_map(name_of).unwrap_or_else(|| format!("light{index}"));
-        let name = unique(&name, |candidate| names.insert(candidate.to_owned()));
-        lights.push(lamp.place(name, node, report));
+        lights.push(lamp.place(names.take(&name), node, report));
     }
     lights
 }

@@ -1,7 +1,8 @@
 //! Meshes as the file describes them, checked whether a node shows them or not: which accessor is what, and that indices stay within.
 
 use super::{
-    accessor::{Accessor, Accessors, Component},
+    accessor::{Accessor, Accessors},
+    element::Component,
     json::Json,
     report::{ANY, Report},
 };
@@ -48,6 +49,9 @@ pub(super) struct Primitive<'s, 'd> {
     /// Index of its material.
     pub(super) material: Option<usize>,
 }
+
+/// Sets of joints and weights that are read: 32 joints a vertex.
+const INFLUENCES: usize = 8;
 
 /// What an attribute may be made of.
 struct Form {
@@ -186,6 +190,9 @@ impl<'s, 'd> Primitive<'s, 'd> {
             Component::U16 => 65_535,
             _ => u32::MAX as usize,
         };
+        if indices.highest() < restart.min(vertices) {
+            return Some(());
+        }
         for (i, [v]) in indices.all(&accessors.buffers).enumerate() {
             let v = v as usize;
             if v == restart {
@@ -267,10 +274,13 @@ fn influences<'s, 'd>(
     report: &mut Report<'_>,
 ) -> Vec<(&'s Accessor<'d>, &'s Accessor<'d>)> {
     let mut found = vec![];
-    for set in 0.. {
+    for set in 0..=INFLUENCES {
         let (joints, weights) = (attributes.get(&format!("JOINTS_{set}")), attributes.get(&format!("WEIGHTS_{set}")));
         match (joints, weights) {
             (None, None) => break,
+            (Some(at), _) | (_, Some(at)) if set == INFLUENCES => {
+                report.count(at, "sets of joints and weights beyond the eighth were ignored");
+            }
             (Some(joints), Some(weights)) => {
                 let joints = of_form(joints, &JOINTS, Some(vertices), accessors, report);
                 found.extend(joints.zip(of_form(weights, &WEIGHTS, Some(vertices), accessors, report)));

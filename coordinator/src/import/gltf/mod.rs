@@ -1,4 +1,4 @@
-//! glTF 2.0: `container` and `json` take the file apart, `extension` says whether it can be read at all, `buffer` and `accessor` give its
+//! glTF 2.0: `container` and `json` take the file apart, `extension` says whether it can be read at all, `buffer`, `accessor` and `element` give its
 //! numbers, `node`, `animation` and `deform` put things in their places, `mesh`, `material`, `texture` and `light` say what they are, and
 //! `surface` makes the scene of them.
 //!
@@ -12,6 +12,7 @@ mod buffer;
 mod coat;
 mod container;
 mod deform;
+mod element;
 mod extension;
 mod instance;
 mod json;

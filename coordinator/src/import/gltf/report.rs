@@ -31,13 +31,15 @@ pub(super) struct Report<'f> {
     findings: &'f mut Findings,
     /// Errors so far: what several readers run into is told once. Bounded by the number of errors kept.
     told: BTreeSet<String>,
+    /// The keys of warnings that are said once.
+    once: BTreeSet<String>,
     /// Warnings said once with a number: the first place and how many.
     counts: BTreeMap<&'static str, (String, Option<u32>, u64)>,
 }
 
 impl<'f> Report<'f> {
     pub(super) fn new(file: &'f str, has_lines: bool, findings: &'f mut Findings) -> Self {
-        Self { file, has_lines, findings, told: BTreeSet::new(), counts: BTreeMap::new() }
+        Self { file, has_lines, findings, told: BTreeSet::new(), once: BTreeSet::new(), counts: BTreeMap::new() }
     }
 
     fn place(&self, json: Json<'_>) -> At<'f> {
@@ -87,7 +89,10 @@ impl<'f> Report<'f> {
 
     /// The same, said at its first place only.
     pub(super) fn warn_once(&mut self, json: Json<'_>, key: &str, message: impl AsRef<str>) {
-        self.findings.warn_once(self.place(json), key, located(&json.pointer(), message.as_ref()));
+        if !self.once.contains(key) {
+            self.once.insert(key.to_owned());
+            self.warn(json, message);
+        }
     }
 
     /// Counts something that may happen a million times.
@@ -98,8 +103,9 @@ impl<'f> Report<'f> {
     /// Counts `number` of them at once.
     pub(super) fn count_many(&mut self, json: Json<'_>, what: &'static str, number: u64) {
         if number > 0 {
-            let line = self.has_lines.then(|| json.line());
-            self.counts.entry(what).or_insert_with(|| (json.pointer(), line, 0)).2 += number;
+            let has_lines = self.has_lines;
+            let first = || (json.pointer(), has_lines.then(|| json.line()), 0);
+            self.counts.entry(what).or_insert_with(first).2 += number;
         }
     }
 

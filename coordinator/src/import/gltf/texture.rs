@@ -101,13 +101,16 @@ impl<'a, 'd> Textures<'a, 'd> {
 
     fn decode(&mut self, index: usize, wanted: Wanted, report: &mut Report<'_>) -> Option<Image> {
         let source = self.sources[index];
+        let name = format!("{}#/images/{index}", self.file);
+        if let Some(known) = self.images.known(&name, wanted) {
+            return known;
+        }
         match self.locate(source, report)? {
             Located::File(path) => {
                 let (at, findings) = report.raw(source);
                 self.images.file(self.bundle, path, wanted, at, findings)
             }
             Located::Bytes(bytes) => {
-                let name = format!("{}#{}", self.file, source.pointer());
                 let (at, findings) = report.raw(source);
                 self.images.bytes(&name, wanted, at, findings, || Ok(bytes))
             }

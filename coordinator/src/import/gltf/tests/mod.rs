@@ -4,6 +4,7 @@ mod animation;
 mod containers;
 mod faults;
 mod geometry;
+mod hostile;
 mod lights;
 mod materials;
 
