@@ -283,7 +283,7 @@ fn run(
         report.error(owner, format!("{count} elements from byte {offset} take {wanted} bytes, but buffer view {index} has {}", view.len));
         return None;
     }
-    if (offset + view.start() as u64) % component.size() as u64 != 0 || stride % component.size() != 0 {
+    if !(offset as usize + view.start()).is_multiple_of(component.size()) || !stride.is_multiple_of(component.size()) {
         report.count(owner, "accessors whose elements are not aligned to their components (read all the same)");
     }
     Some(Run { view, offset: offset as usize, stride })

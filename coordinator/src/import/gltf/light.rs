@@ -14,6 +14,9 @@ use kiln_proto::{
 };
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 
+/// The largest inner angle of a spot light as a share of the outer one; its falloff divides by the difference of their cosines.
+const HARD_EDGE: f64 = 0.999;
+
 /// A light before a node places it.
 #[derive(Debug, Clone, Copy)]
 struct Lamp {
@@ -70,11 +73,15 @@ fn lamp(json: Json<'_>, report: &mut Report<'_>) -> Option<Lamp> {
 fn spot(json: Json<'_>, report: &mut Report<'_>) -> Option<Kind> {
     let cone = report.required(json, "spot")?;
     let angle = 0.0..=FRAC_PI_2 + 1e-6;
-    let inner = report.number(cone, "innerConeAngle", 0.0, &angle);
     let outer = report.number(cone, "outerConeAngle", FRAC_PI_4, &angle);
-    if inner >= outer {
+    let mut inner = report.number(cone, "innerConeAngle", 0.0, &angle);
+    if inner > outer || outer == 0.0 {
         report.error(cone, format!("the inner angle {inner} of the cone must be less than the outer angle {outer}"));
         return None;
+    }
+    if inner > HARD_EDGE * outer {
+        report.count(cone, "spot lights without a soft edge, which glTF forbids, were given a narrow one");
+        inner = HARD_EDGE * outer;
     }
     Some(Kind::Spot { inner: inner as f32, outer: outer as f32 })
 }

@@ -103,6 +103,19 @@ impl<'a, 'd> Materials<'a, 'd> {
         Chosen { id, two_sided, sets, has_normal_map }
     }
 
+    /// Checks what unused materials and textures refer to, and looks at unused images.
+    pub(super) fn check_unused(&self, report: &mut Report<'_>) {
+        for (_, json) in self.list.iter().enumerate().filter(|(i, _)| !self.converted.contains_key(&Some(*i))) {
+            let extensions = json.get("extensions").into_iter().flat_map(|e| e.members().map(|(_, extension)| extension));
+            for owner in [Some(*json), json.get("pbrMetallicRoughness")].into_iter().flatten().chain(extensions) {
+                for (_, info) in owner.members().filter(|(name, _)| name.ends_with("Texture")) {
+                    self.textures.check(info, report);
+                }
+            }
+        }
+        self.textures.check_unused(report);
+    }
+
     fn convert(&mut self, index: Option<usize>, report: &mut Report<'_>) -> Converted {
         let name = self.name(index);
         let Some(json) = index.and_then(|i| self.list.get(i)).copied() else {

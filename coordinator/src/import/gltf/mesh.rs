@@ -132,6 +132,9 @@ fn primitive<'s, 'd>(
     if json.extension("KHR_materials_variants").is_some() {
         report.count(json, "primitives with material variants were imported in their default material (KHR_materials_variants)");
     }
+    if positions.json.get("min").is_none() || positions.json.get("max").is_none() {
+        report.count(at, "positions without `min` and `max`, which glTF wants (computed)");
+    }
     let mut primitive = Primitive {
         json,
         topology,
@@ -209,7 +212,7 @@ impl<'s, 'd> Primitive<'s, 'd> {
 
     fn check_count(&self, report: &mut Report<'_>) {
         let corners = self.corner_count();
-        if corners < 3 || (self.topology == Topology::Triangles && corners % 3 != 0) {
+        if corners < 3 || (self.topology == Topology::Triangles && !corners.is_multiple_of(3)) {
             report.count(self.json, "primitives whose last corners make no whole triangle (those were ignored)");
         }
     }
@@ -302,7 +305,7 @@ fn targets<'s, 'd>(
 ) -> Option<Vec<[Option<&'s Accessor<'d>>; 2]>> {
     let mut found = vec![];
     for target in report.objects(json, "targets") {
-        let mut read = |name: &str, report: &mut Report<'_>| match target.get(name) {
+        let read = |name: &str, report: &mut Report<'_>| match target.get(name) {
             Some(at) => of_form(at, &VECTOR, Some(vertices), accessors, report).map(Some),
             None => Some(None),
         };

@@ -173,6 +173,11 @@ fn place<'p, 's, 'd>(
         report.error(node.json, message);
         return None;
     }
+    match (node.skin.is_some(), !primitive.influences.is_empty()) {
+        (true, false) => report.count(node.json, "nodes have a skin, but their meshes have no joints; they were not bent"),
+        (false, true) => report.count(json, "primitives have joints, but their nodes have no skin; they were not bent"),
+        _ => {}
+    }
     let mut shape = Shape::read(primitive, weights, accessors);
     let mirrored = match node.skin.filter(|_| !primitive.influences.is_empty()) {
         Some(skin) => shape.bend(primitive, &source.skins[skin], source.graph, accessors, report)?,

@@ -135,8 +135,17 @@ impl<'a, 'd> Textures<'a, 'd> {
         }
     }
 
+    /// Checks what a texture info refers to, without decoding anything.
+    pub(super) fn check(&self, info: Json<'_>, report: &mut Report<'_>) {
+        report.index(info, "index", "texture", self.textures.len());
+    }
+
     /// Looks at the images that no material uses: what is wrong with them does no harm, but is said.
     pub(super) fn check_unused(&self, report: &mut Report<'_>) {
+        for texture in &self.textures {
+            report.index(*texture, "source", "image", self.sources.len());
+            report.index(*texture, "sampler", "sampler", self.samplers.len());
+        }
         for source in self.sources.iter().enumerate().filter(|(i, _)| !self.used.contains(i)).map(|(_, source)| *source) {
             let bytes = match self.locate(source, report) {
                 None => continue,

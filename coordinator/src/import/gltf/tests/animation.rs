@@ -4,6 +4,8 @@ use super::*;
 fn animated(path: &str, interpolation: &str, kind: &str, values: &[f32]) -> Sample {
     let mut sample = Sample::triangle();
     let input = sample.floats("SCALAR", &[1.0, 3.0]);
+    sample.json["accessors"][input]["min"] = json!([1]);
+    sample.json["accessors"][input]["max"] = json!([3]);
     let output = sample.floats(kind, values);
     let samplers = json!([{ "input": input, "output": output, "interpolation": interpolation }]);
     sample.push("animations", json!({ "samplers": samplers, "channels": [{ "sampler": 0, "target": { "node": 0, "path": path } }] }));
@@ -103,6 +105,19 @@ fn morph_targets_move_by_mesh_node_or_animated_weights() {
     assert!(sample.error().contains("/nodes/0: 1 weights are given for the 2 morph targets"));
 }
 
+#[test]
+fn the_last_of_two_channels_for_one_property_counts() {
+    let mut sample = animated("translation", "STEP", "VEC3", &[0.0, 1.0, 0.0, 0.0, 1.0, 0.0]);
+    let other = sample.floats("VEC3", &[0.0, 7.0, 0.0, 0.0, 7.0, 0.0]);
+    let mut animation = sample.json["animations"][0].clone();
+    animation["samplers"][0]["output"] = json!(other);
+    sample.push("animations", animation);
+    near(second(&sample, Some(1.0)), [1.0, 7.0, 0.0]);
+    let channel = sample.json["animations"][0]["channels"][0].clone();
+    sample.json["animations"][0]["channels"].as_array_mut().unwrap().push(channel);
+    assert!(sample.import().warns("/animations/0/channels/1: channels of one animation move the same thing as another"));
+}
+
 /// The triangle bound to two joints: its second corner half to each, the others to the first.
 fn skinned() -> Sample {
     let mut sample = Sample::triangle();
@@ -132,6 +147,18 @@ fn skins_blend_joints_with_weights_that_sum_to_one() {
     let scene = sample.scene();
     near(corners(&scene, 0, 0)[0], [0.0, 0.0, 1.0]);
     near(corners(&scene, 0, 0)[1], [1.0, 0.0, 2.5]);
+}
+
+#[test]
+fn joints_and_skins_that_miss_each_other_are_said() {
+    let mut sample = skinned();
+    sample.json["nodes"][0].as_object_mut().unwrap().remove("skin");
+    assert!(sample.import().warns("primitives have joints, but their nodes have no skin"));
+    near(second(&sample, None), [101.0, 0.0, 0.0]);
+    let mut sample = Sample::triangle();
+    sample.push("skins", json!({ "joints": [0] }));
+    sample.json["nodes"][0]["skin"] = json!(0);
+    assert!(sample.import().warns("nodes have a skin, but their meshes have no joints"));
 }
 
 #[test]

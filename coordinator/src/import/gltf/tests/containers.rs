@@ -34,7 +34,7 @@ fn a_binary_file_is_read_whatever_follows_its_chunks() {
     let file = binary(&[(b"JSON", json.as_bytes()), (b"BIN\0", &bytes), (b"ABCD", b"else")]);
     let found = outcome(&[("a.glb", &file)], None);
     assert_eq!((found.warnings.len(), found.scene().triangle_count()), (0, 1));
-    let mut longer = file.clone();
+    let mut longer = file;
     longer.extend(b"tail");
     let found = outcome(&[("a.glb", &longer)], None);
     assert!(found.warns("4 bytes behind the end"), "{:?}", found.warnings);

@@ -81,19 +81,17 @@ proptest! {
 
     #[test]
     fn wrong_values_are_no_danger(changes in prop::collection::vec((0usize..400, awkward()), 1..4)) {
-        let mut sample = everything();
-        let text = sample.text();
-        sample.json = serde_json::from_str(&text).unwrap();
+        let mut json: Value = serde_json::from_str(&everything().text()).unwrap();
         for (at, value) in changes {
             let mut index = 0;
-            walk(&mut sample.json, &mut |v| {
+            walk(&mut json, &mut |v| {
                 if index == at {
                     *v = value.clone();
                 }
                 index += 1;
             });
         }
-        survives(sample.text().as_bytes())?;
+        survives(json.to_string().as_bytes())?;
     }
 
     #[test]

@@ -2,7 +2,7 @@ use super::*;
 use kiln_proto::scene::{Falloff, Lens, LightShape, SpotProfile};
 
 /// The triangle lit by one light that a node turns by 90 degrees about +X: -Z becomes +Y.
-fn lit(light: Value) -> Sample {
+fn lit(light: &Value) -> Sample {
     let mut sample = Sample::triangle();
     let half = std::f64::consts::FRAC_1_SQRT_2;
     let node = json!({
@@ -17,23 +17,31 @@ fn lit(light: Value) -> Sample {
 
 #[test]
 fn point_spot_and_directional_lights_stand_in_the_world() {
-    let point = lit(json!({ "type": "point", "color": [1, 0.5, 0], "intensity": 8, "range": 4 })).scene().lights.remove(0);
+    let point = lit(&json!({ "type": "point", "color": [1, 0.5, 0], "intensity": 8, "range": 4 })).scene().lights.remove(0);
     assert_eq!((point.name.as_str(), point.intensity.to_array()), ("lamp", [8.0, 4.0, 0.0]));
     assert_eq!(point.shape, LightShape::Point { position: [1.0, 2.0, 3.0] });
     assert_eq!(point.falloff, Falloff::InverseSquare { range: Some(4.0) });
     assert!(point.casts_shadows && point.shadow_intensity == 1.0);
-    let spot = lit(json!({ "type": "spot", "spot": { "innerConeAngle": 0.25, "outerConeAngle": 0.5 } })).scene().lights.remove(0);
+    let spot = lit(&json!({ "type": "spot", "spot": { "innerConeAngle": 0.25, "outerConeAngle": 0.5 } })).scene().lights.remove(0);
     let LightShape::Spot { position, direction, cut_off, beam_width, profile } = spot.shape else { panic!("{spot:?}") };
     assert_eq!((position, cut_off, beam_width, profile), ([1.0, 2.0, 3.0], 0.5, 0.25, SpotProfile::SquaredCosine));
     assert!((glam::Vec3::from_array(direction) - glam::Vec3::Y).length() < 1e-6, "{direction:?}");
-    let sun = lit(json!({ "type": "directional" })).scene().lights.remove(0);
+    let sun = lit(&json!({ "type": "directional" })).scene().lights.remove(0);
     let LightShape::Directional { direction } = sun.shape else { panic!("{sun:?}") };
     assert!((glam::Vec3::from_array(direction) - glam::Vec3::Y).length() < 1e-6 && sun.intensity.to_array() == [1.0; 3]);
 }
 
 #[test]
+fn a_spot_with_a_hard_edge_gets_a_narrow_one() {
+    let found = lit(&json!({ "type": "spot", "spot": { "innerConeAngle": 0.5, "outerConeAngle": 0.5 } })).import();
+    assert!(found.warns("spot lights without a soft edge, which glTF forbids, were given a narrow one: 1"));
+    let LightShape::Spot { cut_off, beam_width, .. } = found.scene().lights[0].shape else { panic!() };
+    assert!(cut_off == 0.5 && beam_width < 0.5 && beam_width > 0.499);
+}
+
+#[test]
 fn lights_of_one_name_are_told_apart() {
-    let mut sample = lit(json!({ "type": "point", "name": "bulb" }));
+    let mut sample = lit(&json!({ "type": "point", "name": "bulb" }));
     for _ in 0..2 {
         sample.show(json!({ "extensions": { "KHR_lights_punctual": { "light": 0 } } }));
     }
@@ -50,13 +58,13 @@ fn impossible_lights_are_located() {
         (json!({ "type": "point", "range": 0 }), "the range of a light must be more than 0"),
         (json!({ "type": "point", "intensity": -1 }), "/intensity: the value -1 is out of range"),
         (json!({ "type": "point", "color": [2, 0, 0] }), "/color/0: the value 2 is out of range; it must lie in [0, 1]"),
-        (json!({ "type": "spot", "spot": { "innerConeAngle": 0.5, "outerConeAngle": 0.5 } }), "must be less than the outer angle"),
+        (json!({ "type": "spot", "spot": { "innerConeAngle": 0.6, "outerConeAngle": 0.5 } }), "must be less than the outer angle"),
         (json!({ "type": "spot", "spot": { "outerConeAngle": 2 } }), "/spot/outerConeAngle: the value 2 is out of range"),
     ] {
-        let error = lit(light).error();
+        let error = lit(&light).error();
         assert!(error.contains("/extensions/KHR_lights_punctual/lights/0") && error.contains(wanted), "{error}");
     }
-    let mut sample = lit(json!({ "type": "point" }));
+    let mut sample = lit(&json!({ "type": "point" }));
     sample.json["nodes"][1]["extensions"]["KHR_lights_punctual"]["light"] = json!(1);
     assert!(sample.error().contains("/nodes/1/extensions/KHR_lights_punctual/light: there is no light 1"));
 }

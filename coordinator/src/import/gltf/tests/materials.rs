@@ -160,7 +160,7 @@ fn specular_glossiness_keeps_its_reflectance() {
 #[test]
 fn images_come_from_buffer_views_and_files_or_not_at_all() {
     let base = json!({ "pbrMetallicRoughness": { "baseColorTexture": { "index": 0 } } });
-    let mut sample = Sample::textured(base.clone());
+    let mut sample = Sample::textured(base);
     sample.json["images"][0] = json!({ "bufferView": sample.view(&image()), "mimeType": "image/jpeg" });
     assert_eq!(sample.scene().textures[0].name, "a.gltf#/images/0");
     sample.json["images"][0] = json!({ "uri": "tex/a.png" });
@@ -190,6 +190,16 @@ fn textures_of_other_codecs_need_an_image_beside_them() {
     assert!(sample.error().contains("/textures/0: the texture has an image of KHR_texture_basisu only"));
     sample.json["textures"][0] = json!({});
     assert!(sample.import().warns("textures without an image were left out: 1"));
+}
+
+#[test]
+fn what_nothing_shows_is_checked_too() {
+    let mut sample = Sample::textured(json!({}));
+    sample.push("materials", json!({ "extensions": { "KHR_materials_sheen": { "sheenColorTexture": { "index": 4 } } } }));
+    assert!(sample.error().contains("/materials/1/extensions/KHR_materials_sheen/sheenColorTexture/index: there is no texture 4"));
+    let mut sample = Sample::textured(json!({}));
+    sample.push("textures", json!({ "source": 0, "sampler": 3 }));
+    assert!(sample.error().contains("/textures/1/sampler: there is no sampler 3"));
 }
 
 #[test]

@@ -36,6 +36,8 @@ impl Sample {
     fn triangle() -> Self {
         let mut sample = Self::new();
         let positions = sample.floats("VEC3", &[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0]);
+        sample.json["accessors"][positions]["min"] = json!([0, 0, 0]);
+        sample.json["accessors"][positions]["max"] = json!([1, 1, 0]);
         sample.push("meshes", json!({ "primitives": [{ "attributes": { "POSITION": positions } }] }));
         sample.show(json!({ "mesh": 0, "name": "leaf" }));
         sample
