@@ -8,6 +8,7 @@
 pub mod bundle;
 mod findings;
 pub mod format;
+mod group;
 mod name;
 pub mod obj;
 mod texture;
@@ -60,9 +61,13 @@ fn import(bundle: &Bundle, findings: &mut Findings) -> Option<Scene> {
         findings.push_error(format::refusal(main.as_str(), what));
         return None;
     }
-    let scene = obj::import(bundle, &bytes, findings)?;
+    let mut scene = obj::import(bundle, &bytes, findings)?;
     if findings.has_errors() {
         return None;
+    }
+    if let Some(group::Grouped { surfaces, atlases }) = group::group(&mut scene) {
+        let message = format!("{surfaces} small surfaces share the textures of {}: {}", atlases.len(), listed(&atlases));
+        findings.warn(At::file(main.as_str()), message);
     }
     if !scene.has_light() {
         findings.warn(At::file(main.as_str()), "nothing in the scene emits light (no material in use has a Ke above 0): it will be black");
@@ -72,6 +77,13 @@ fn import(bundle: &Bundle, findings: &mut Findings) -> Option<Scene> {
         return None;
     }
     Some(scene)
+}
+
+/// The first names of a list.
+fn listed(names: &[String]) -> String {
+    const SHOWN: usize = 8;
+    let more = if names.len() > SHOWN { ", …" } else { "" };
+    format!("{}{more}", names[..names.len().min(SHOWN)].join(", "))
 }
 
 /// Counts of a scene.

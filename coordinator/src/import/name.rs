@@ -19,6 +19,11 @@ impl Stems {
         let base = sanitise(name);
         unique(&base, |candidate| self.taken.insert(candidate.to_lowercase()))
     }
+
+    /// Takes a stem that is in use.
+    pub(super) fn reserve(&mut self, stem: &str) {
+        self.taken.insert(stem.to_lowercase());
+    }
 }
 
 /// `base`, or `base-2`, `base-3`, …: the first that `take` accepts.

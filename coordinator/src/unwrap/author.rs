@@ -22,6 +22,10 @@ const DEGENERATE: f64 = 1e-3;
 /// Area in the unit square below which a triangle has none: a millionth of a texel of the largest texture.
 const UV_AREA: f64 = 1e-14;
 
+/// A triangle with so many times less room than its share is squeezed, and so much of an area may be.
+const SQUEEZED: f64 = 16.0;
+const UNEVEN: f64 = 0.05;
+
 /// Why texture coordinates cannot be used.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub(super) enum Unusable {
@@ -110,6 +114,17 @@ impl<'a> Author<'a> {
             Some(close) => Err(close),
             None => Ok((layout, note)),
         }
+    }
+
+    /// Whether hardly any of it has next to no room: what was drawn for a picture may squeeze a side of a body into a line.
+    pub(super) fn is_even(&self) -> bool {
+        let all = self.extent(0..self.triangles.len());
+        let squeezed = |k: &usize| {
+            let one = self.extent([*k]);
+            one.uv * all.world * SQUEEZED < one.world * all.uv
+        };
+        let area: f64 = (0..self.triangles.len()).filter(squeezed).map(|k| self.extent([k]).world).sum();
+        area <= UNEVEN * all.world
     }
 
     /// The author's charts, each at its true size on average and mirrored ones turned back; what has no area in the texture lies in its planes.

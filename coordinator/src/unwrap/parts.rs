@@ -24,7 +24,7 @@ pub(super) fn lay_out(scene: &Scene, surface: &Surface, wanted: Wanted, warnings
     let mut warn = |message: String| warnings.push(problem(format!("surface `{}`: {message}", surface.name)));
     let all: Vec<u32> = (0..surface.triangles.len() as u32).collect();
     let maker = Maker { scene, surface, density: density(scene, surface, wanted) };
-    let mut why = None;
+    let (mut why, mut kept) = (None, vec![]);
     for set in SETS.into_iter().filter(|set| *set < surface.uv_sets.len()) {
         let read = Author::read(scene, surface, set, &all);
         match read.as_ref().map_err(|e| *e).and_then(|author| author.as_it_is(wanted)) {
@@ -34,10 +34,13 @@ pub(super) fn lay_out(scene: &Scene, surface: &Surface, wanted: Wanted, warnings
                 return Ok(plan(ChartSource::Author, charts));
             }
             Err(Unusable::Missing) => {}
-            Err(reason) => why = why.or(Some((set, reason))),
+            Err(reason) => {
+                kept.extend(reason.is_only_placement().then_some(set));
+                why = why.or(Some((set, reason)));
+            }
         }
     }
-    let charts: Vec<Chart> = if surface.parts.len() == 1 { maker.charts(&all, wanted) } else { maker.each_part(wanted) };
+    let charts: Vec<Chart> = if surface.parts.len() == 1 { maker.charts(&all, &kept) } else { maker.each_part() };
     let source = if surface.parts.len() == 1 { source(&charts) } else { ChartSource::Parts };
     let (layout, note) = maker.settle(charts, wanted).map_err(|e| problem(format!("surface `{}`: {e}", surface.name)))?;
     if let Some((_, why)) = why {
@@ -85,30 +88,24 @@ struct Maker<'a> {
 }
 
 impl Maker<'_> {
-    /// The charts of every part.
-    fn each_part(&self, wanted: Wanted) -> Vec<Chart> {
+    /// The charts of every part: the author's too, where all that may be wrong is how those of different parts lie to each other.
+    fn each_part(&self) -> Vec<Chart> {
         let mut from = 0;
-        let parts = self.surface.parts.iter().filter(|part| part.triangles > 0);
-        parts
-            .flat_map(|part| {
-                let triangles: Vec<u32> = (from..from + part.triangles).collect();
-                from += part.triangles;
-                self.charts(&triangles, wanted)
-            })
-            .collect()
-    }
-
-    /// The charts of some triangles: the author's, where they are good in themselves.
-    fn charts(&self, triangles: &[u32], wanted: Wanted) -> Vec<Chart> {
-        // A part does not have the texture to itself: only its density is known.
-        let wanted = if triangles.len() == self.surface.triangles.len() { wanted } else { Wanted::Density(self.density) };
-        for set in SETS.into_iter().filter(|set| *set < self.surface.uv_sets.len()) {
-            let Ok(author) = Author::read(self.scene, self.surface, set, triangles) else { continue };
-            if author.as_it_is(wanted).err().is_none_or(|why| why.is_only_placement()) {
-                return author.to_charts();
+        let mut charts = vec![];
+        for part in &self.surface.parts {
+            let triangles: Vec<u32> = (from..from + part.triangles).collect();
+            from += part.triangles;
+            if !triangles.is_empty() {
+                charts.extend(self.charts(&triangles, &SETS));
             }
         }
-        self.own_charts(triangles)
+        charts
+    }
+
+    /// The charts of some triangles: those that the author has in one of these sets, or our own.
+    fn charts(&self, triangles: &[u32], sets: &[usize]) -> Vec<Chart> {
+        let read = |set: &usize| Author::read(self.scene, self.surface, *set, triangles).ok().filter(Author::is_even);
+        sets.iter().find_map(read).map_or_else(|| self.own_charts(triangles), |author| author.to_charts())
     }
 
     fn own_charts(&self, triangles: &[u32]) -> Vec<Chart> {

@@ -15,6 +15,9 @@ pub(super) const GAP: u64 = 2 * GUTTER as u64;
 /// Pieces that are let down one by one, at most.
 const SKYLINE_PIECES: usize = 20_000;
 
+/// Pieces for which many widths are tried.
+const FEW: usize = 1_000;
+
 /// What is packed: a box of whole texels, and what of it is taken where that is less.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Piece {
@@ -59,10 +62,11 @@ pub(super) fn pack_free(pieces: &[Piece], side: u32) -> Option<Packed> {
     let area: f64 = pieces.iter().map(taken).sum();
     // Wide enough for the longest piece, whichever way it lies.
     let widest = pieces.iter().map(|p| p.size.0.min(p.size.1)).max().unwrap_or(1).max(narrowest(pieces));
-    let widths = [0.7, 0.85, 1.0, 1.15, 1.35, 1.6, 2.0].map(|k| ((area.sqrt() * k) as u32).clamp(widest, side.max(widest)));
+    let (steps, widest) = (if pieces.len() > FEW { 6u32 } else { 24 }, widest.min(side));
+    let widths = (0..=steps).map(|k| ((area.sqrt() * (0.6 + 1.4 * f64::from(k) / f64::from(steps))) as u32).clamp(widest, side));
     let texels = |p: &Packed| u64::from(p.width) * u64::from(p.height);
     // `min_by_key` keeps the first of equals.
-    widths.into_iter().filter(|w| *w <= side).filter_map(|w| pack(pieces, w, side)).min_by_key(texels)
+    widths.filter_map(|w| pack(pieces, w, side)).min_by_key(texels)
 }
 
 /// Columns that shelves need, which do not turn pieces.
