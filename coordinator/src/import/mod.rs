@@ -9,6 +9,7 @@ pub mod bundle;
 mod findings;
 pub mod format;
 mod gltf;
+mod group;
 mod images;
 pub mod mesh;
 mod name;
@@ -58,9 +59,13 @@ pub fn import_bundle(bundle: &Bundle, options: &ImportOptions) -> Result<Importe
 
 fn import(bundle: &Bundle, options: &ImportOptions, findings: &mut Findings) -> Option<Scene> {
     let main = bundle.main();
-    let scene = import_file(bundle, main, options, findings)?;
+    let mut scene = import_file(bundle, main, options, findings)?;
     if findings.has_errors() {
         return None;
+    }
+    if let Some(group::Grouped { surfaces, atlases }) = group::group(&mut scene) {
+        let message = format!("{surfaces} small surfaces share the textures of {}: {}", atlases.len(), listed(&atlases));
+        findings.warn(At::file(main.as_str()), message);
     }
     if !scene.has_light() {
         let message = "nothing in the scene emits light (no light, no environment, no material in use that shines): it will be black";
@@ -95,6 +100,13 @@ fn import_file(bundle: &Bundle, file: &BundlePath, options: &ImportOptions, find
             None
         }
     }
+}
+
+/// The first names of a list.
+fn listed(names: &[String]) -> String {
+    const SHOWN: usize = 8;
+    let more = if names.len() > SHOWN { ", …" } else { "" };
+    format!("{}{more}", names[..names.len().min(SHOWN)].join(", "))
 }
 
 /// Counts of a scene.
