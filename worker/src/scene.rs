@@ -21,6 +21,10 @@ use kiln_proto::{
 /// an interpolated position. Relative, so that a scene a thousand times smaller bakes the same.
 const LIFT: f32 = 32.0 * f32::EPSILON;
 
+/// How far they start from the triangle's edges, in units of the lift: rounding must not carry a point at an edge beyond the wall that
+/// stands there, nor lifting one in a corner that is narrower than a right angle (down to 30 degrees).
+const INSET: f32 = 2.0;
+
 /// A triangle with what a path needs to know of it.
 #[derive(Debug, Clone, Copy)]
 pub struct Prim {
@@ -197,7 +201,7 @@ impl BakeScene {
     #[inline]
     pub fn lifted(&self, prim: u32, bary: [f32; 2]) -> Vec3 {
         let p = self.prim(prim);
-        p.corners[0] * (1.0 - bary[0] - bary[1]) + p.corners[1] * bary[0] + p.corners[2] * bary[1] + p.frame.normal * p.lift
+        p.lift(p.corners[0] * (1.0 - bary[0] - bary[1]) + p.corners[1] * bary[0] + p.corners[2] * bary[1])
     }
 
     /// What leaves the front of a primitive by itself, W/(sr m²).
@@ -238,12 +242,21 @@ impl BakeScene {
     #[inline]
     pub fn vertex_at(&self, surface: usize, point: &SurfacePoint, frame: Frame) -> Vertex {
         let prim = self.prim_of(surface, point.triangle);
-        let lifted = point.position + self.prim(prim).frame.normal * self.prim(prim).lift;
+        let lifted = self.prim(prim).lift(point.position);
         Vertex { prim, lifted, frame, bsdf: self.bsdf(prim, point.bary) }
     }
 }
 
 impl Prim {
+    /// A point on it lifted off its front, and a little toward its middle.
+    #[inline]
+    fn lift(&self, at: Vec3) -> Vec3 {
+        let inward = (self.corners[0] + self.corners[1] + self.corners[2]) * (1.0 / 3.0) - at;
+        let distance = inward.length();
+        let step = if distance > 0.0 { (INSET * self.lift).min(distance) / distance } else { 0.0 };
+        at + inward * step + self.frame.normal * self.lift
+    }
+
     /// The author's texture coordinates at these weights of the second and third corner.
     #[inline]
     fn uv_at(&self, [b, c]: [f32; 2]) -> [f32; 2] {
