@@ -8,9 +8,13 @@
 pub mod bundle;
 mod findings;
 pub mod format;
+mod gltf;
+mod images;
 mod name;
 pub mod obj;
 mod texture;
+mod two_sided;
+mod weld;
 
 pub use bundle::{Bundle, BundlePath, Content, Part};
 
@@ -56,16 +60,24 @@ fn import(bundle: &Bundle, findings: &mut Findings) -> Option<Scene> {
             return None;
         }
     };
-    if let Format::Unsupported(what) = format::detect(main.as_str(), &bytes) {
-        findings.push_error(format::refusal(main.as_str(), what));
-        return None;
-    }
-    let scene = obj::import(bundle, &bytes, findings)?;
+    let scene = match format::detect(main.as_str(), &bytes) {
+        Format::Obj => obj::import(bundle, &bytes, findings)?,
+        Format::Gltf => gltf::import(bundle, main, &bytes, None, findings)?,
+        Format::Zip => {
+            findings.error(At::file(main.as_str()), "this is a ZIP inside the bundle; send it by itself");
+            return None;
+        }
+        Format::Unsupported(what) => {
+            findings.push_error(format::refusal(main.as_str(), what));
+            return None;
+        }
+    };
     if findings.has_errors() {
         return None;
     }
     if !scene.has_light() {
-        findings.warn(At::file(main.as_str()), "nothing in the scene emits light (no material in use has a Ke above 0): it will be black");
+        findings
+            .warn(At::file(main.as_str()), "nothing in the scene emits light (no light, no material in use that shines): it will be black");
     }
     if let Err(invalid) = scene.validate() {
         findings.error(At::file(main.as_str()), format!("the scene is not valid: {invalid}"));

@@ -147,7 +147,7 @@ fn bad_material_values_are_located() {
         ("d inf", "m.mtl:3: d has the value `inf`"),
         ("illum two", "m.mtl:3: illum has `two`"),
         ("map_Kd -clamp on", "m.mtl:3: map_Kd names no file"),
-        ("map_Kd a.obj", "m.mtl:3: the texture `a.obj` is not an image"),
+        ("map_Kd a.obj", "m.mtl:3: the image `a.obj` is not an image"),
         ("newmtl", "m.mtl:3: a material's name"),
     ] {
         let problems = material(mtl).unwrap_err();
@@ -198,7 +198,7 @@ fn faces_may_come_before_their_vertices_but_not_without_them() {
 
 #[test]
 fn other_formats_are_refused_by_name() {
-    for (name, text) in [("a.obj", "{\"asset\": {}}"), ("a.obj", "#X3D V3.3 utf8")] {
+    for (name, text) in [("a.obj", "Kaydara FBX Binary"), ("a.obj", "#X3D V3.3 utf8")] {
         let problems = import_files(&[(name, text)]).unwrap_err();
         assert!(problems[0].message.contains("Wavefront OBJ") && problems[0].file.as_deref() == Some("a.obj"));
     }
