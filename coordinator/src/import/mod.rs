@@ -6,6 +6,7 @@
 //! The alternative, passing parser errors through, is a page shorter and leaves "face parse error" as the whole answer.
 
 pub mod bundle;
+mod environment;
 mod findings;
 pub mod format;
 mod gltf;
@@ -40,7 +41,7 @@ pub struct Imported {
     pub statistics: SceneStatistics,
 }
 
-/// Imports the main file of a bundle with everything it refers to. Cost: linear in the bytes of the bundle, but for concave polygons,
+/// Imports the main file of a bundle with everything it refers to, and the environment that the options name. Cost: linear in the bytes of the bundle, but for concave polygons,
 /// which take the square of their corners.
 ///
 /// # Errors
@@ -59,7 +60,14 @@ pub fn import_bundle(bundle: &Bundle, options: &ImportOptions) -> Result<Importe
 
 fn import(bundle: &Bundle, options: &ImportOptions, findings: &mut Findings) -> Option<Scene> {
     let main = bundle.main();
+    if let Err(bad) = options.check() {
+        findings.error(At::file(main.as_str()), format!("the option {bad}"));
+        return None;
+    }
     let mut scene = import_file(bundle, main, options, findings)?;
+    if let Some(environment) = environment::import(bundle, options, findings) {
+        scene.environment = Some(environment);
+    }
     if findings.has_errors() {
         return None;
     }
