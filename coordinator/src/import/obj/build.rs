@@ -5,11 +5,11 @@
 
 use super::{
     material::Materials,
-    polygon,
     scan::{FaceNote, Group, Scan},
 };
 use crate::import::{
     findings::{At, Findings},
+    mesh::triangulate,
     name::{Names, Stems},
     weld::Weld,
 };
@@ -97,7 +97,11 @@ impl<'a> Builder<'a> {
         let world: Vec<DVec3> = corners.iter().map(|c| Vec3::from_array(self.weld.positions.values[*c as usize]).as_dvec3()).collect();
         let polygon = self.parts[part].polygons;
         self.parts[part].polygons += 1;
-        for t in polygon::triangulate(&world) {
+        let cut = triangulate(&world);
+        if !cut.sound {
+            findings.count(at, "polygons that cross themselves were cut as well as they can be");
+        }
+        for t in cut.triangles {
             let corners = t.map(|i| corners[i]);
             if let Err(left) = self.weld.triangle(corners) {
                 findings.count(at, left.words());
