@@ -5,7 +5,10 @@ use super::{
     testing::{classic, dump, json, outcome_of, xml},
     value::{Base, FieldType, Store},
 };
-use std::fmt::Write;
+use std::{
+    f32::consts::{FRAC_PI_2, FRAC_PI_4},
+    fmt::Write,
+};
 
 /// One scene with everything that crosses names, in each encoding.
 const CLASSIC: &str = r##"#X3D V3.3 utf8
@@ -234,7 +237,7 @@ fn the_spot_light_has_the_defaults_of_its_version() {
     let of =
         |header: &str| outcome_of(&[("a", format!("{header}\nSpotLight {{ }} SpotLight {{ cutOffAngle 1 }}").as_bytes())], None).clean();
     for (header, cut_off, beam) in
-        [("#VRML V2.0 utf8", 0.785_398, 1.570_796), ("#X3D V3.2 utf8", 0.785_398, 1.570_796), ("#X3D V4.0 utf8", 1.570_796, 0.785_398)]
+        [("#VRML V2.0 utf8", FRAC_PI_4, FRAC_PI_2), ("#X3D V3.2 utf8", FRAC_PI_4, FRAC_PI_2), ("#X3D V4.0 utf8", FRAC_PI_2, FRAC_PI_4)]
     {
         let document = of(header);
         let lights: Vec<_> = document.roots().collect();

@@ -337,9 +337,8 @@ impl Resolver<'_> {
             let said = name.unwrap_or("any");
             self.warn(address.place, format!("`{path}` does not declare the prototype `{}`", shown(said)));
         }
-        let said: Vec<String> = urls.iter().take(4).map(|u| format!("`{}`", shown(u))).collect();
-        let message =
-            format!("the external prototype `{}` is at none of its addresses in the bundle: {}", shown(&item.name), said.join(", "));
+        let said = shown_addresses(&urls);
+        let message = format!("the external prototype `{}` is at none of its addresses in the bundle: {said}", shown(&item.name));
         self.warn(address.place, message);
         None
     }
