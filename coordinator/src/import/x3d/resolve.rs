@@ -108,7 +108,7 @@ impl<'a> Resolver<'a> {
         self.steps_left = self.steps_left.saturating_sub(count);
         if self.steps_left == 0 && !self.exhausted {
             self.exhausted = true;
-            self.error(place, format!("the prototypes expand to more than {MAX_STEPS} fields and nodes beyond those in the files"));
+            self.error(place, format!("the prototypes expand to more than {MAX_STEPS} fields, nodes and routes beyond those in the files"));
         }
         !self.exhausted && !self.findings.is_full()
     }

@@ -106,7 +106,7 @@ impl Resolver<'_> {
         let mut at = (scope, usize::MAX);
         loop {
             let scope = &self.scopes[at.0];
-            let seen = scope.names.get(name).and_then(|list| list.iter().rev().find(|(number, _)| *number < at.1));
+            let seen = scope.names.get(name).and_then(|list| list[..list.partition_point(|(number, _)| *number < at.1)].last());
             if let Some((_, index)) = seen {
                 return Some(*index);
             }
@@ -126,7 +126,8 @@ impl Resolver<'_> {
             self.error(item.place, format!("the prototype `{}` is used {deep}", shown(&item.name)));
             return None;
         }
-        if !self.steps(item.place, INSTANCE_STEPS) {
+        let fields = self.prototypes[prototype].arguments.len() as u64;
+        if !self.steps(item.place, INSTANCE_STEPS + fields) {
             return None;
         }
         let (arguments, outer) = self.arguments(frame, item, prototype, above);
