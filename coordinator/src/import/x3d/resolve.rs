@@ -7,9 +7,11 @@
 
 mod file;
 mod frame;
+mod instance;
 mod node;
 mod proto;
 mod route;
+mod skip;
 mod tally;
 #[cfg(test)]
 mod tests;
