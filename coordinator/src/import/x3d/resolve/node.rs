@@ -170,6 +170,9 @@ impl Resolver<'_> {
             let message = format!("the field `{}` of `{}` is an event and has no value; the value was skipped", field.name, kind.name);
             return self.warn(item.place, message);
         }
+        if self.node_of(id).get(index).is_some() {
+            self.warn(item.place, format!("the field `{}` of this `{}` is given twice; the last counts", field.name, kind.name));
+        }
         match &item.written {
             Written::Nodes(items) if field.ty.base == Base::Node => {
                 let ids = self.items(frame, items, above + 1);
