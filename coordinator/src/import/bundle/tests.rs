@@ -137,3 +137,20 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn a_file_from_elsewhere_lies_beside_the_scene_under_a_name_of_its_own() {
+    let folder = tempfile::tempdir().unwrap();
+    let local = folder.path().join("sky.hdr");
+    std::fs::write(&local, b"mine").unwrap();
+    let mut bundle = parts(&[("room/a.obj", OBJ), ("room/sky.hdr", b"another")]).unwrap();
+    for _ in 0..2 {
+        let name = bundle.add(&local).unwrap();
+        assert_eq!(name, "1-sky.hdr");
+        let Some(Found::Exact(path)) = bundle.find(bundle.main(), &name) else { panic!() };
+        assert_eq!((path.as_str(), &*bundle.read(path, 9).unwrap()), ("room/1-sky.hdr", b"mine".as_slice()));
+    }
+    assert_eq!(bundle.files().count(), 3, "the same file again is the same file");
+    assert!(bundle.add(&folder.path().join("none.hdr")).unwrap_err().to_string().contains("no such file"));
+    assert!(bundle.add(folder.path()).unwrap_err().to_string().contains("not a file"));
+}
