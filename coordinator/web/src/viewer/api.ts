@@ -21,9 +21,20 @@ export interface OrbitPosition {
   radius: number;
 }
 
+/** A run of triangles of one material within a surface. */
+export interface PartModel {
+  name: string;
+  material: string;
+  triangles: number;
+}
+
 /** One surface, for lists and inspectors. */
 export interface SurfaceModel {
+  /** The back of a two-sided surface has a light field and a name of its own, `NAME~back`. */
   name: string;
+  /** The index of the surface whose back this is. */
+  backOf: number | null;
+  parts: PartModel[];
   fileStem: string;
   width: number;
   height: number;
@@ -81,6 +92,8 @@ export interface ViewerStats {
 export interface TexelSample {
   surface: string;
   surfaceIndex: number;
+  /** The part of the surface under the point; the surface's own name where it has only this. */
+  part: string;
   x: number;
   y: number;
   /** World position of the picked point, metres. */

@@ -7,9 +7,14 @@ export function modelOf(object: LightFieldObject): ViewerModel {
   const { field } = object;
   return {
     surfaces: field.surfaces.map((surface, i) => {
+      const { backOf, parts } = field.container.scene.surfaces[surface.index];
       const encoding = field.manifest?.surfaces[i].encoding;
       return {
         name: surface.name,
+        backOf,
+        parts: parts.map(({ name, material, end }, p) => ({
+          name, material: field.container.scene.materials[material].name, triangles: end - (parts[p - 1]?.end ?? 0),
+        })),
         fileStem: surface.fileStem,
         width: surface.plan.width,
         height: surface.plan.height,
