@@ -5,6 +5,7 @@
 
 import type { KilnViewerElement, TexelSample, ViewMode } from '../viewer/api.ts';
 import { Announcer } from './announcer.ts';
+import { CameraChoice } from './camera-choice.ts';
 import { DisplayControls } from './display-controls.ts';
 import { el } from './dom.ts';
 import { linkToView, syncCameraWithHash } from './hash-sync.ts';
@@ -48,7 +49,7 @@ export function inspectorPanel(viewer: KilnViewerElement, fileName: () => string
     button('Inspect the centre', inspectCentre),
     button('Keys', openHelp),
   );
-  panel.append(el('h2', { id: 'inspector-title' }, 'Inspector'), controls.element, actions, plot.element, statistics.element, said.element);
+  panel.append(el('h2', { id: 'inspector-title' }, 'Inspector'), controls.element, new CameraChoice(viewer).element, actions, plot.element, statistics.element, said.element);
   return panel;
 }
 

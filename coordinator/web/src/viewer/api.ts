@@ -62,6 +62,8 @@ export interface ViewerModel {
   codec: string;
   exposureStops: number;
   bounds: { low: [number, number, number]; high: [number, number, number] };
+  /** Names of the author's cameras, distinct. */
+  cameras: string[];
   /** Whether the package kept raw radiance, so that `error` can be drawn. */
   hasRaw: boolean;
   /** A job that still bakes, not a package. */
@@ -142,6 +144,10 @@ export interface KilnViewerElement extends HTMLElement {
   /** Budget for textures, MiB. */
   memoryBudget: number;
   autoRotate: boolean;
+  /** The author's camera that is the first view; empty for a view that the viewer chooses. A name that the scene does not have counts as empty. */
+  cameraName: string;
+  /** Whether the camera stands elsewhere than in the first view. */
+  readonly cameraMoved: boolean;
   readonly loaded: boolean;
   readonly model: ViewerModel | null;
   readonly stats: ViewerStats;

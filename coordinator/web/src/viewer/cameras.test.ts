@@ -1,10 +1,14 @@
 import { describe, expect, it } from 'vitest';
 import type { SceneCamera } from '../format/light.ts';
-import { viewOf } from './cameras.ts';
+import { cameraNames, viewOf } from './cameras.ts';
 
 const BOUNDS: { low: [number, number, number]; high: [number, number, number] } = { low: [-1, -1, -1], high: [1, 1, 1] };
 const camera = (over: Partial<SceneCamera>): SceneCamera => ({
   name: 'c', eye: [0, 0.5, 5], forward: [0, 0, -1], up: [0, 1, 0], lens: { kind: 'perspective', fov: Math.PI / 3, ofSmaller: false }, ...over,
+});
+
+it('cameras have distinct names, whatever their author called them', () => {
+  expect(cameraNames(['Door', '', 'Door', 'Door (2)', 'Door'].map((name) => camera({ name })))).toEqual(['Door', 'Camera 2', 'Door (2)', 'Door (2) (2)', 'Door (3)']);
 });
 
 describe('the view of an author\'s camera', () => {

@@ -8,6 +8,18 @@ import type { SceneCamera } from '../format/light.ts';
 import type { Camera } from '../field/camera.ts';
 import { add, dot, length, scale, sub } from '../field/frame.ts';
 
+/** The names that the cameras of a scene are chosen by: the author's, made distinct. */
+export function cameraNames(cameras: SceneCamera[]): string[] {
+  const taken = new Set<string>();
+  return cameras.map(({ name }, i) => {
+    const own = name || `Camera ${i + 1}`;
+    let distinct = own;
+    for (let n = 2; taken.has(distinct); n++) distinct = `${own} (${n})`;
+    taken.add(distinct);
+    return distinct;
+  });
+}
+
 /** Degrees of the lens that stands for a parallel view. */
 const PARALLEL = 4;
 /** Fields of view that the viewer takes, degrees. */

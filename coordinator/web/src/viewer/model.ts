@@ -2,6 +2,7 @@
 
 import type { LightFieldObject } from '../gl/object.ts';
 import type { ViewerModel } from './api.ts';
+import { cameraNames } from './cameras.ts';
 
 export function modelOf(object: LightFieldObject): ViewerModel {
   const { field } = object;
@@ -34,6 +35,7 @@ export function modelOf(object: LightFieldObject): ViewerModel {
     codec: String(field.container.plan.settings.codec),
     exposureStops: field.exposureStops,
     bounds: field.bounds,
+    cameras: cameraNames(field.container.scene.cameras),
     hasRaw: field.loadRaw !== null,
     live: field.manifest === null,
   };
