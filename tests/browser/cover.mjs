@@ -86,19 +86,19 @@ async function picks(page) {
   check(JSON.stringify(model[5]) === '["leaf~back",4,1]' && model[6][2] === 2, `the model is ${JSON.stringify(model)}`);
 }
 
-async function cameras(page, url) {
+async function cameras(page, url, gpu) {
   const eye = () => page.evaluate(() => document.querySelector('kiln-viewer').getCamera().eye.map((v) => Math.round(v * 1e3) / 1e3));
-  const choice = page.getByLabel('Camera', { exact: true });
+  const choice = page.getByRole('combobox', { name: 'Camera' });
   await choice.selectOption('from behind');
   check(String(await eye()) === '0,0,-12', `the camera stands at ${await eye()}`);
   await page.waitForFunction(() => location.hash === '#camera=from+behind');
   // A link to it leads there, also for those who have not seen the page before.
-  const other = await page.context().newPage();
-  await other.goto(new URL('#camera=front', url).href);
-  await other.waitForFunction(() => document.querySelector('kiln-viewer').loaded);
-  const there = await other.evaluate(() => document.querySelector('kiln-viewer').getCamera().eye.map(Math.round));
+  const other = await open(gpu);
+  await other.page.goto(new URL('#camera=front', url).href);
+  await other.page.waitForFunction(() => document.querySelector('kiln-viewer').loaded);
+  const there = await other.page.evaluate(() => document.querySelector('kiln-viewer').getCamera().eye.map(Math.round));
   check(String(there) === '0,0,12', `a link leads to ${there}`);
-  await other.close();
+  await other.browser.close();
   await page.locator('kiln-viewer canvas').focus();
   await page.keyboard.press('ArrowRight');
   await page.waitForFunction(() => location.hash.startsWith('#eye='));
@@ -144,7 +144,7 @@ await script(async ([url, gpu]) => {
   await picture(page, `cover-${gpu}`);
   await onScreen(page);
   await picks(page);
-  await cameras(page, url);
+  await cameras(page, url, gpu);
   await draft(page);
   await picture(page, `cover-draft-${gpu}`);
   check(faults.length === 0, faults.join('\n'));
