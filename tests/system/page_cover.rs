@@ -3,13 +3,15 @@
 use crate::{
     browser::{GPUS, Script},
     harness::View,
-    made::{back, make_package, square},
+    made::{back, ball, make_package, square},
 };
+use glam::Vec3;
 use kiln_proto::{
     scene::{
         AlphaMode, Camera, Coding, Falloff, Lens, Light, LightShape, Material, MetallicRoughness, Opacity, Part, Projection, Reflection,
         Scene, Surface, Texture, TextureRef,
     },
+    texel::Texel,
     units::Rgb,
 };
 use tempfile::TempDir;
@@ -34,8 +36,8 @@ fn materials() -> Vec<Material> {
     ]
 }
 
-/// A wall, and before it side by side a fence, glass, a thin pane, a leaf and a surface of two parts; above them two panes one behind the other, the
-/// nearer first in its surface. `page_cover.mjs` knows where.
+/// A wall, and before it side by side a fence, glass, a thin pane, a leaf and a surface of two parts; above them a ball, and two panes one behind the
+/// other, the nearer first in its surface. `cover.mjs` knows where.
 fn scene() -> Scene {
     let mut scene = Scene { materials: materials(), ..Scene::empty() };
     let alpha = [255, 0, 0, 255].iter().flat_map(|a| [255, 255, 255, *a]).collect();
@@ -56,7 +58,8 @@ fn scene() -> Scene {
     let upper = far.uv_sets[0].iter().map(|uv| uv.map(|c| c.map(|[u, v]| [u, 0.55 + 0.45 * v])));
     panes.uv_sets = vec![halves.chain(upper).collect()];
     let leaf_back = back(&leaf, 4);
-    scene.surfaces = vec![wall, fence, glass, pane, leaf, leaf_back, atlas, panes];
+    let ball = ball(&mut scene, "ball", GREY, [-3.0, 3.0, 0.0], 0.9, 8);
+    scene.surfaces = vec![wall, fence, glass, pane, leaf, leaf_back, atlas, panes, ball];
     scene.lights = vec![Light {
         name: "bulb".into(),
         shape: LightShape::Point { position: [0.0, 0.0, 1.0] },
@@ -77,8 +80,9 @@ fn scene() -> Scene {
     scene
 }
 
-/// One colour a surface; of the two panes, the nearer is red and the other green.
-fn light(surface: &Surface, texel: &kiln_proto::texel::Texel, _: glam::Vec3) -> [f32; 3] {
+/// One colour a surface but for the ball; of the two panes, the nearer is red and the other green.
+fn light(surface: &Surface, texel: &Texel, toward: Vec3) -> [f32; 3] {
+    let gloss = (0..4).fold(1.0, |product: f32, _| product * toward.dot(Vec3::new(0.0, 0.6, 0.8)).max(0.0));
     match surface.name.as_str() {
         "wall" => [0.6, 0.1, 0.1],
         "fence" => [0.1, 0.6, 0.1],
@@ -88,6 +92,7 @@ fn light(surface: &Surface, texel: &kiln_proto::texel::Texel, _: glam::Vec3) -> 
         "leaf~back" => [0.0, 0.5, 0.5],
         "panes" if texel.position.z > 0.25 => [0.8, 0.0, 0.0],
         "panes" => [0.0, 0.8, 0.0],
+        "ball" => [0.1 + 0.4 * gloss, 0.1 + 0.3 * texel.frame.normal.y.max(0.0), 0.3],
         _ => [0.2, 0.2, 0.2],
     }
 }

@@ -77,6 +77,8 @@ describe('opacity', () => {
     const projected = blend(1, ref({ mapping: { from: 'projector', index: 0 } }));
     expect(opacity(projected, 0.66, 0, null, matrix)).toBe(1);
     expect(opacity(projected, 1, 0, null, matrix)).toBe(0);
+    // Beside its picture, too: s q = 3 x.
+    expect(opacity(projected, 1, 0, null, [3, ...matrix.slice(1)])).toBe(1);
     expect(opacity(projected, 0.9, 0, null, [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, -1])).toBe(1);
   });
 });

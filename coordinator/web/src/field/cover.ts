@@ -2,8 +2,8 @@
  * What shows through a surface: masks, blends and thin walls (docs/preview.md). Light fields say what a surface sends out itself; how much of what lies
  * behind is added to it is decided when it is drawn.
  *
- * A texture transform is affine and a projector's matrix is homogeneous: both are applied to the corners, here, and the shader divides and looks up,
- * whatever a texture's coordinates come from. Applying them in the shader would take a uniform for each of what may be thousands of parts.
+ * Texture coordinates are brought to the corners here, those of a projector with their divisor: the shader looks up in one way, whatever they come from.
+ * Coordinate sets as attributes of their own would be as many as a material has textures.
  */
 
 import type { Vec3 } from '../format/bytes.ts';
@@ -21,6 +21,10 @@ export interface Sampled {
   channel: ChannelName;
   wrap: [Wrap, Wrap];
   nearest: boolean;
+  /** Affine map of the coordinates, as in {@link TextureRef}. */
+  transform: number[];
+  /** Through a projector: beside its picture nothing is looked up. */
+  projected: boolean;
 }
 
 /** Triangles of a surface that are drawn alike. */
@@ -78,7 +82,9 @@ export function surfaceCover({ scene }: Container, index: number, geometry: Surf
 function kindOf(scene: Scene, surface: SceneSurface, material: Material): Omit<Cover, 'triangles'> | null {
   const { opacity } = material;
   const sampled = (ref: TextureRef | null, channel: ChannelName): Sampled | null =>
-    ref && scene.textures[ref.texture].channels[channel] ? { texture: ref.texture, channel, wrap: ref.wrap, nearest: ref.nearest } : null;
+    ref && scene.textures[ref.texture].channels[channel]
+      ? { texture: ref.texture, channel, wrap: ref.wrap, nearest: ref.nearest, transform: ref.transform, projected: ref.mapping.from === 'projector' }
+      : null;
   const mask = opacity.mode === 'mask';
   const alpha = opacity.mode === 'opaque' ? null : sampled(opacity.texture, 'alpha');
   const most = opacity.mode === 'opaque' ? 1 : opacity.factor;
@@ -122,8 +128,7 @@ function lookUp(scene: Scene, surface: SceneSurface, ref: TextureRef | null, v: 
     const m = scene.projectors[ref.mapping.index].matrix;
     [s, t, q] = [0, 4, 12].map((row) => m[row] * x + m[row + 1] * y + m[row + 2] * z + m[row + 3]);
   }
-  const [a, b, c, d, e, f] = ref.transform;
-  return [a * s + b * t + c * q, d * s + e * t + f * q, q];
+  return [s, t, q];
 }
 
 /** Opacity at a point of a triangle, given by its barycentric weights: what is picked there. Thin walls are there as a whole. */
@@ -132,9 +137,12 @@ export function opacityAt(scene: Scene, { alphaAt }: SurfaceCover, cover: Cover,
   const [u, v, q, factor] = mixed;
   const { alpha } = cover;
   const channel = alpha && scene.textures[alpha.texture].channels[alpha.channel];
-  const opacity = factor * (alpha && channel && q > 0 ? sampleChannel(channel, alpha, u / q, v / q) : 1);
+  const reached = q > 0 && !(alpha?.projected && [u / q, v / q].some((x) => x < 0 || x > 1));
+  const opacity = factor * (alpha && channel && reached ? sampleChannel(channel, alpha, ...moved(alpha.transform, u / q, v / q)) : 1);
   return cover.cutoff === null ? opacity : opacity >= cover.cutoff ? 1 : 0;
 }
+
+const moved = ([a, b, c, d, e, f]: number[], u: number, v: number): [number, number] => [a * u + b * v + c, d * u + e * v + f];
 
 /** What a texture unit finds at (u, v). */
 export function sampleChannel({ width, height, bytes }: Channel, { wrap, nearest }: Pick<Sampled, 'wrap' | 'nearest'>, u: number, v: number): number {

@@ -50,7 +50,7 @@ export function readPlan(r: ByteReader): Plan {
   if (version !== PLAN_VERSION) throw r.error(`plan version ${version}; this page reads version ${PLAN_VERSION}`);
   const bakeVersion = r.varint('bake version');
   r.skip(32, 'scene hash');
-  const settings = JSON.parse(r.text('settings')) as PlanSettings;
+  const settings = readSettings(r);
   const surfaces = r.list(8, 'layouts', () => readLayout(r));
   const results = r.option(() => {
     const exposureStops = r.signed('exposure') / 8;
@@ -60,6 +60,15 @@ export function readPlan(r: ByteReader): Plan {
   }, 'results');
   r.end();
   return { bakeVersion, settings, surfaces, results };
+}
+
+function readSettings(r: ByteReader): PlanSettings {
+  const text = r.text('settings');
+  try {
+    return JSON.parse(text) as PlanSettings;
+  } catch (error) {
+    throw r.error(`its settings are not JSON (${(error as Error).message})`);
+  }
 }
 
 function readLayout(r: ByteReader): SurfacePlan {

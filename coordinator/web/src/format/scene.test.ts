@@ -1,6 +1,6 @@
 import { describe, expect, it } from 'vitest';
 import { ByteWriter } from '../testing.ts';
-import { ByteReader } from './bytes.ts';
+import { ByteReader, FormatError } from './bytes.ts';
 import { partOf, readScene } from './scene.ts';
 
 const IDENTITY = [1, 0, 0, 0, 1, 0];
@@ -110,5 +110,23 @@ describe('a scene', () => {
     expect(() => read(sceneBytes({ end: 2 }))).toThrow('not its triangles');
     expect(() => read(sceneBytes({ front: 1 }))).toThrow('back of none');
     expect(() => read(sceneBytes({ texture: 2 }))).toThrow('texture 2');
+  });
+
+  it('is read or refused, never worse, whatever its bytes are', () => {
+    const whole = sceneBytes();
+    let state = 1;
+    const random = (below: number) => (state = (Math.imul(state, 1664525) + 1013904223) >>> 0) % below;
+    let refused = 0;
+    for (let round = 0; round < 1000; round++) {
+      const bytes = whole.slice();
+      for (let k = random(3); k >= 0; k--) bytes[random(bytes.length)] = [random(256), 251, 253, 255][random(4)];
+      try {
+        read(bytes);
+      } catch (error) {
+        expect(error, String(error)).toBeInstanceOf(FormatError);
+        refused++;
+      }
+    }
+    expect(refused).toBeGreaterThan(200);
   });
 });

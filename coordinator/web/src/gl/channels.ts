@@ -30,7 +30,7 @@ export class ChannelTextures {
   get(sampled: Sampled | null): DataTexture {
     const whole = sampled && this.scene.textures[sampled.texture].channels[sampled.channel];
     if (!sampled || !whole) return this.none;
-    const key = JSON.stringify(sampled);
+    const key = JSON.stringify([sampled.texture, sampled.channel, sampled.wrap, sampled.nearest]);
     const held = this.held.get(key) ?? { texture: dataTexture(whole), whole };
     this.held.set(key, held);
     const { texture } = held;

@@ -4,7 +4,7 @@ import {
   CustomBlending, type DataArrayTexture, type DataTexture, FrontSide, GLSL3, type IUniform, LessEqualDepth, OneFactor, OneMinusSrcAlphaFactor,
   RawShaderMaterial, Vector2, Vector3, Vector4,
 } from 'three';
-import type { Cover } from '../field/cover.ts';
+import type { Cover, Sampled } from '../field/cover.ts';
 import type { ArrayLayout } from '../field/layout.ts';
 import type { Scheme } from '../viewer/api.ts';
 import type { ChannelTextures } from './channels.ts';
@@ -68,10 +68,19 @@ export function coverUniforms(cover: Cover, channels: ChannelTextures): CoverUni
   const uniforms = {
     lfAlpha: { value: channels.get(cover.alpha) },
     lfPassing: { value: channels.get(cover.passing) },
+    lfAlphaMove: { value: move(cover.alpha) },
+    lfPassingMove: { value: move(cover.passing) },
+    lfProjected: { value: [cover.alpha?.projected, cover.passing?.projected].map(Number) },
     lfCutoff: { value: cover.cutoff ?? -1 },
     lfFresnel: { value: cover.fresnel },
   };
   return { blended: cover.blended, uniforms };
+}
+
+/** Rows of the map of a look-up's coordinates. */
+function move(sampled: Sampled | null): Vector3[] {
+  const [a, b, c, d, e, f] = sampled?.transform ?? [1, 0, 0, 0, 1, 0];
+  return [new Vector3(a, b, c), new Vector3(d, e, f)];
 }
 
 const coverDefines = (cover: CoverUniforms | null): Record<string, number> => (cover ? { LF_COVER: cover.blended ? 2 : 1 } : {});

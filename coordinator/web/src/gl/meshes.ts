@@ -3,7 +3,7 @@
  * triangles they draw. What is blended has no depth of its own: it is drawn last, back to front, and hides nothing.
  */
 
-import { BufferAttribute, BufferGeometry, DynamicDrawUsage, type Group, Mesh, RawShaderMaterial, Sphere, Vector3 } from 'three';
+import { Box3, BufferAttribute, BufferGeometry, DynamicDrawUsage, type Group, Mesh, RawShaderMaterial, Sphere, Vector3 } from 'three';
 import type { Vec3 } from '../format/bytes.ts';
 import type { Cover } from '../field/cover.ts';
 import type { FieldSurface } from '../field/light-field.ts';
@@ -86,15 +86,20 @@ function geometryOf(vertices: Vertices, triangles: Uint32Array | null, dynamic: 
     out.computeBoundingSphere();
     return out;
   }
-  const index = new BufferAttribute(Uint32Array.from({ length: triangles.length * 3 }, (_, i) => triangles[Math.floor(i / 3)] * 3 + (i % 3)), 1);
+  const corners = new Uint32Array(triangles.length * 3);
+  triangles.forEach((t, i) => corners.set([t * 3, t * 3 + 1, t * 3 + 2], i * 3));
+  const index = new BufferAttribute(corners, 1);
   if (dynamic) index.setUsage(DynamicDrawUsage);
   out.setIndex(index);
-  out.boundingSphere = sphereOf(vertices.position, index);
+  out.boundingSphere = sphereOf(vertices.position, corners);
   return out;
 }
 
 /** Around the triangles alone: three's own would take every vertex. It decides what is culled, and which of two blended meshes is drawn first. */
-function sphereOf(positions: BufferAttribute, index: BufferAttribute): Sphere {
-  const points = Array.from(index.array, (v) => new Vector3().fromBufferAttribute(positions, v));
-  return new Sphere().setFromPoints(points);
+function sphereOf(positions: BufferAttribute, corners: Uint32Array): Sphere {
+  const [box, point] = [new Box3(), new Vector3()];
+  for (const v of corners) box.expandByPoint(point.fromBufferAttribute(positions, v));
+  const sphere = new Sphere(box.getCenter(new Vector3()), 0);
+  for (const v of corners) sphere.radius = Math.max(sphere.radius, sphere.center.distanceTo(point.fromBufferAttribute(positions, v)));
+  return sphere;
 }

@@ -57,7 +57,8 @@ export class Painter {
       return;
     }
     object?.show(mode === 'diffuse' ? 'mean' : 'shown', hardware);
-    if (object?.blended) this.drawBlended(scene, camera, object);
+    object?.sort(camera);
+    if (object?.blended && this.drawsFloats) this.drawBlended(scene, camera, object);
     else this.renderer.render(scene, camera);
   }
 
@@ -95,12 +96,17 @@ export class Painter {
     return mesh;
   }
 
+  /** Nearly every GPU does; on others light adds up as the bytes of the display do. */
+  private get drawsFloats(): boolean {
+    const { extensions } = this.renderer;
+    return extensions.has('EXT_color_buffer_float') || extensions.has('EXT_color_buffer_half_float');
+  }
+
   private drawBlended(scene: Scene, camera: PerspectiveCamera, object: LightFieldObject): void {
     const { drawingBufferWidth: width, drawingBufferHeight: height } = this.renderer.getContext();
     const filters = { minFilter: NearestFilter, magFilter: NearestFilter };
     const target = (this.blending ??= new WebGLRenderTarget(width, height, { type: HalfFloatType, samples: SAMPLES, ...filters }));
     target.setSize(width, height);
-    object.sort(camera);
     object.setOutput(3);
     this.renderer.setRenderTarget(target);
     this.renderer.render(scene, camera);
