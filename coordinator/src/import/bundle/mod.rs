@@ -163,12 +163,12 @@ fn choose_main(files: &BTreeMap<BundlePath, Content>, choice: Option<&str>) -> R
         let path = BundlePath::parse(choice).map_err(|e| problem(choice, e.to_string()))?;
         return if files.contains_key(&path) { Ok(path) } else { Err(problem(choice, "the bundle has no such file")) };
     }
-    let scenes: Vec<&BundlePath> = files.keys().filter(|p| format::extension(p.as_str()) == "obj").collect();
+    let scenes: Vec<&BundlePath> = files.keys().filter(|p| format::is_scene(p.as_str())).collect();
     match scenes.as_slice() {
         [one] => Ok((*one).clone()),
         [] => Err(no_scene(files)),
         [first, second, ..] => Err(plain(format!(
-            "the bundle has {} .obj files ({first}, {second}{}); send one, or say which is the scene",
+            "the bundle has {} scenes ({first}, {second}{}); send one, or say which it is",
             scenes.len(),
             if scenes.len() > 2 { ", …" } else { "" }
         ))),
@@ -180,7 +180,7 @@ fn no_scene(files: &BTreeMap<BundlePath, Content>) -> Problem {
     match other {
         Some((path, what)) => format::refusal(path.as_str(), what),
         None if files.is_empty() => plain("the bundle is empty".to_owned()),
-        None => plain("the bundle has no .obj file".to_owned()),
+        None => plain("the bundle has no scene (.obj, .gltf or .glb)".to_owned()),
     }
 }
 

@@ -68,10 +68,11 @@ fn unsafe_uploads_are_refused() {
 fn litter_is_skipped_and_the_scene_must_be_one() {
     let bytes = zip_of(&[("room/a.obj", OBJ), ("__MACOSX/room/._a.obj", b""), ("room/.DS_Store", b"")]);
     assert_eq!(unzip(&bytes).unwrap().files().count(), 1);
-    assert!(refused(parts(&[("a.obj", OBJ), ("b.obj", OBJ)])).contains("2 .obj files"));
-    assert!(refused(parts(&[("a.mtl", b"")])).contains("no .obj"));
+    assert!(refused(parts(&[("a.obj", OBJ), ("b.obj", OBJ)])).contains("2 scenes"));
+    assert!(refused(parts(&[("a.mtl", b"")])).contains("no scene"));
     assert!(refused(parts(&[])).contains("empty"));
-    assert!(refused(parts(&[("a.gltf", b"{}"), ("a.bin", b"")])).contains("glTF"));
+    assert_eq!(parts(&[("a.gltf", b"{}"), ("a.bin", b"")]).unwrap().main().as_str(), "a.gltf");
+    assert!(refused(parts(&[("a.fbx", b"{}"), ("a.bin", b"")])).contains("FBX"));
     assert_eq!(parts(&[("", OBJ)]).unwrap().main().as_str(), "scene.obj");
     let choice = Bundle::from_parts(vec![part("a.obj", OBJ), part("b.obj", OBJ)], Some("b.obj"), &std::env::temp_dir());
     assert_eq!(choice.unwrap().main().as_str(), "b.obj");
@@ -132,7 +133,7 @@ proptest! {
             bytes.truncate(usize::from(cut) % bytes.len());
         }
         if let Ok(bundle) = unzip(&bytes) {
-            let _ = import_bundle(&bundle);
+            let _ = import_bundle(&bundle, &kiln_proto::options::ImportOptions::default());
         }
     }
 }
