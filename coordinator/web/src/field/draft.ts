@@ -6,7 +6,7 @@ import type { Scene } from '../format/scene.ts';
 
 const map = (v: Vec3, each: (value: number, channel: number) => number): Vec3 => [each(v[0], 0), each(v[1], 1), each(v[2], 2)];
 
-/** Diffuse reflectance or base colour of a material, its layers applied in order. */
+/** Kd or base colour of a material, its layers applied in order. */
 export function meanColour({ textures }: Scene, { colour, layers }: Material): Vec3 {
   return layers.reduce<Vec3>((c, layer) => map(applied(c, layer, textures[layer.texture.texture].mean), (v) => Math.min(1, Math.max(0, v))), colour);
 }
@@ -26,6 +26,13 @@ function applied(c: Vec3, { mode, scale }: TextureLayer, { colour: t, alpha }: {
     case 'blend':
       return map(c, (v, k) => t[k] * alpha + v * (1 - alpha));
   }
+}
+
+/** What a material reflects diffusely: its colour, less what goes through. Metals reflect their colour, too, if not diffusely. */
+export function meanReflectance(scene: Scene, material: Material): Vec3 {
+  const { transmission } = material;
+  const kept = transmission ? 1 - transmission.factor * (1 - transmission.metallic) : 1;
+  return map(meanColour(scene, material), (v) => v * kept);
 }
 
 /** Emitted radiance of a material, W/(sr m²). */

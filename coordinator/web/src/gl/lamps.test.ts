@@ -16,7 +16,8 @@ const sun = light({ shape: { kind: 'directional', direction: [0, -1, 0] }, inten
 function container(radiance: number, lights: Light[], ambient: Vec3 = [0, 0, 0]): Container {
   const emissionTexture = { texture: 0 };
   const materials = [
-    { colour: [0.2, 0.4, 0.8], layers: [{ texture: { texture: 0 }, mode: 'modulate', scale: 1 }], emission: [0, 0, 0], emissionTexture: null },
+    { colour: [0.2, 0.4, 0.8], layers: [{ texture: { texture: 0 }, mode: 'modulate', scale: 1 }], emission: [0, 0, 0], emissionTexture: null,
+      transmission: { factor: 0.8, metallic: 0.5 } },
     { colour: [0, 0, 0], layers: [], emission: [radiance, radiance, radiance], emissionTexture },
   ];
   const surface = { parts: [{ material: 0, end: 1 }, { material: 1, end: 2 }], corners: Uint32Array.of(0, 1, 2, 0, 1, 2) };
@@ -63,5 +64,5 @@ describe('the lights of a draft', () => {
 it('the table of parts has what each reflects and emits', () => {
   const table = partTable(container(10, []).scene);
   const data = [...(table.image.data as Float32Array)];
-  [0.1, 0.2, 0.4, 0, 0, 0, 0, 0, 0, 0, 0, 0, 5, 5, 5, 0].forEach((v, i) => expect(data[i]).toBeCloseTo(v));
+  [0.06, 0.12, 0.24, 0, 0, 0, 0, 0, 0, 0, 0, 0, 5, 5, 5, 0].forEach((v, i) => expect(data[i]).toBeCloseTo(v));
 });

@@ -1,7 +1,7 @@
 /** The table of parts for the draft: what each reflects and emits. A texture, since a scene may have thousands. */
 
 import { DataTexture, FloatType, NearestFilter, RGBAFormat } from 'three';
-import { meanColour, meanEmission } from '../field/draft.ts';
+import { meanEmission, meanReflectance } from '../field/draft.ts';
 import type { Scene } from '../format/scene.ts';
 
 /** Parts in a row of the table; `LF_PARTS_A_ROW` in `lf_draft.glsl`. */
@@ -14,7 +14,7 @@ export function partTable(scene: Scene): DataTexture {
   const data = new Float32Array(width * height * 4);
   parts.forEach(({ material: index }, p) => {
     const material = scene.materials[index];
-    data.set(meanColour(scene, material), p * 8);
+    data.set(meanReflectance(scene, material), p * 8);
     data.set(meanEmission(scene, material), p * 8 + 4);
   });
   const table = new DataTexture(data, width, height, RGBAFormat, FloatType);
