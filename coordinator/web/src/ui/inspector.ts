@@ -18,6 +18,7 @@ const MODES: readonly ViewMode[] = ['light-field', 'diffuse', 'error'];
 /** The panel for a viewer. `fileName` names screenshots, without their extension. Also keeps the camera in the page's address. */
 export function inspectorPanel(viewer: KilnViewerElement, fileName: () => string): HTMLElement {
   const controls = new DisplayControls(viewer);
+  controls.element.prepend(new CameraChoice(viewer).element);
   const statistics = new Statistics(viewer);
   const plot = new HemispherePlot();
   const said = new Announcer();
@@ -49,7 +50,7 @@ export function inspectorPanel(viewer: KilnViewerElement, fileName: () => string
     button('Inspect the centre', inspectCentre),
     button('Keys', openHelp),
   );
-  panel.append(el('h2', { id: 'inspector-title' }, 'Inspector'), controls.element, new CameraChoice(viewer).element, actions, plot.element, statistics.element, said.element);
+  panel.append(el('h2', { id: 'inspector-title' }, 'Inspector'), controls.element, actions, plot.element, statistics.element, said.element);
   return panel;
 }
 
