@@ -111,7 +111,7 @@ async fn bad_import_options_are_refused_by_name() {
         ("enviroment=sky.hdr", "enviroment"),
         ("x3d_shadows=strickt", "strickt"),
         ("time=-1", "time"),
-        ("time=soon", "soon"),
+        ("time=soon", "time"),
         ("environment_intensity=2", "environment_intensity"),
     ] {
         for path in ["/v1/scenes", "/v1/bakes"] {
