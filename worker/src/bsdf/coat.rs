@@ -1,17 +1,19 @@
 //! glTF 2.0's metallic-roughness model (appendix B) with KHR_materials_ior, _specular and _transmission (thin): microfacets over a base.
 //!
-//! Microfacets have the GGX distribution (Walter et al. 2007, eq. 33) and shadow each other by Smith's function for correlated heights (Heitz
-//! 2014, eq. 99); each reflects by Schlick's approximation, F = f0 + (f90 - f0)(1 - v·h)^5. All of the appendix is linear in that fifth power,
-//! so one point of a material is a few numbers, whatever its metalness:
+//! Microfacets have the GGX distribution (Walter et al. 2007, eq. 33) and shadow each other by Smith's function in the separable form
+//! G1(wi) G1(wo), as the appendix has it; each reflects by Schlick's approximation, F = f0 + (f90 - f0)(1 - v·h)^5. The form for correlated heights
+//! (Heitz 2014, eq. 99) is nearer to the truth, up to a half brighter at roughness 1, and another model than the format's. All of the appendix is linear
+//! in the fifth power, so one point of a material is a few numbers, whatever its metalness:
 //!
 //! ```text
 //! f = D V (normal + rise p) + (diffuse/pi + through D' V') (kept - lost p),    p = (1 - v·h)^5
 //! ```
 //!
 //! D' and V' belong to the light's mirror image on the viewer's side: the thin-walled transmission of KHR_materials_transmission. Densities are
-//! those of visible normals (Heitz 2018), drawn by spherical caps (Dupuy and Benyoub 2023). Light that facets pass on to each other is lost, as
-//! in the appendix: rough metals are darker than real ones, by up to a half at roughness 1, and multiple-scattering terms would no longer be
-//! what the format says.
+//! those of visible normals (Heitz 2018), drawn by spherical caps (Dupuy and Benyoub 2023). As in the appendix, light that facets pass on to each
+//! other is lost, so rough metals are dark; and because the base gets 1 - F(v·h) of the light, not what the facets leave of it, a bright
+//! smooth dielectric reflects up to half more than it gets at grazing angles (the appendix says so under "Coupling Diffuse and Specular
+//! Reflection"). Over all angles it loses light, so paths stay bounded.
 
 use crate::sampling::warp::INV_PI;
 use glam::Vec3;
@@ -64,11 +66,11 @@ fn distribution(alpha: f32, sum: Vec3) -> f32 {
     a2 * INV_PI * ratio * ratio
 }
 
-/// c sqrt(1 + tan² alpha²): what Smith's functions are made of.
+/// V1 of appendix B: Smith's G1 over twice the cosine.
 #[must_use]
 #[inline(always)]
 pub fn smith(cos: f32, alpha2: f32) -> f32 {
-    (cos * cos * (1.0 - alpha2) + alpha2).sqrt()
+    1.0 / (cos + (cos * cos * (1.0 - alpha2) + alpha2).sqrt())
 }
 
 impl Coat {
@@ -81,7 +83,7 @@ impl Coat {
             return (0.0, grazing);
         }
         let a2 = self.alpha * self.alpha;
-        let visible = 0.5 / (wo.z * smith(wi.z, a2) + wi.z * smith(wo.z, a2));
+        let visible = smith(wi.z, a2) * smith(wo.z, a2);
         (distribution(self.alpha, sum) * visible, grazing)
     }
 
@@ -130,11 +132,11 @@ impl Coat {
     }
 }
 
-/// What D is multiplied with for the density of a lobe seen from cosine `cos`: G1/(4 cos) = 1/(2 (cos + smith(cos))).
+/// What D is multiplied with for the density of a lobe seen from cosine `cos`: G1/(4 cos).
 #[must_use]
 #[inline(always)]
 pub fn visible_norm(cos: f32, alpha2: f32) -> f32 {
-    0.5 / (cos + smith(cos, alpha2))
+    0.5 * smith(cos, alpha2)
 }
 
 /// A direction reflected by a facet visible from `wo` (Dupuy and Benyoub 2023, listing 3); z is the normal.

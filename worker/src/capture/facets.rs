@@ -98,13 +98,12 @@ impl Light {
     #[inline(always)]
     fn add(&self, axes: Axes<'_>, spread: &[f32], red: &mut [f32], green: &mut [f32], blue: &mut [f32]) {
         let (wi, n, [at, rise], lost) = (self.own, self.normal, self.lobe, self.lost);
-        let cos_i = n.dot(wi);
-        let smith_i = smith(cos_i, self.alpha2);
+        let smith_i = smith(n.dot(wi), self.alpha2);
         let views = axes[0].iter().zip(axes[1]).zip(axes[2]).zip(spread);
         for ((((x, y), z), d), ((r, g), b)) in views.zip(red.iter_mut().zip(green).zip(blue)) {
             let (sx, sy, sz) = (x + wi.x, y + wi.y, z + wi.z);
             let cos_o = x * n.x + y * n.y + z * n.z;
-            let visible = 0.5 / (cos_o * smith_i + cos_i * smith(cos_o, self.alpha2));
+            let visible = smith_i * smith(cos_o, self.alpha2);
             let p = grazing(sx * sx + sy * sy + sz * sz);
             let dv = d * visible;
             *r += dv * (at.r + rise.r * p) - lost.r * p;
