@@ -233,3 +233,24 @@ pub(crate) fn plan(scene: &Scene, settings: &BakeSettings) -> Plan {
     let scene = SceneHash::of(&scene.to_bytes().unwrap());
     Plan { version: PLAN_VERSION, bake_version: BAKE_VERSION, scene, settings: settings.clone(), surfaces, probe: None }
 }
+
+/// Adds the back of a surface, of another material.
+pub(crate) fn add_back(scene: &mut Scene, front: usize, material: Material) {
+    let mut back = scene.surfaces[front].clone();
+    back.name = format!("{}~back", back.name);
+    back.file_stem = back.name.clone();
+    back.back_of = Some(front as u32);
+    let turn = |c: &mut [u32; 3]| c.swap(1, 2);
+    back.triangles.iter_mut().for_each(|t| turn(&mut t.corners));
+    back.uv_sets.iter_mut().flatten().flatten().for_each(|c| c.swap(1, 2));
+    back.colors.iter_mut().for_each(turn);
+    let first = scene.normals.len() as u32;
+    let reversed: Vec<[f32; 3]> = scene.normals.iter().map(|n| n.map(|v| -v)).collect();
+    if !back.normals.is_empty() {
+        scene.normals.extend(reversed);
+        back.normals.iter_mut().for_each(|c| *c = [c[0] + first, c[2] + first, c[1] + first]);
+    }
+    back.parts[0].material = scene.materials.len() as u32;
+    scene.materials.push(material);
+    scene.surfaces.push(back);
+}

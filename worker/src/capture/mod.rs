@@ -13,6 +13,10 @@ mod probe;
 pub(crate) mod site;
 
 #[cfg(test)]
+mod material_tests;
+#[cfg(test)]
+mod reference_tests;
+#[cfg(test)]
 mod tests;
 
 use crate::{sampling::TexelKey, scene::BakeScene};
