@@ -48,7 +48,7 @@ fn points() -> impl Iterator<Item = (f32, f32)> {
 fn passed(scene: &BakeScene, blockers: Blockers) -> Rgb {
     let mut sum = Rgb::BLACK;
     for (x, y) in points() {
-        sum += scene.visible(Vec3::new(x, y, 9.0), Vec3::new(x, y, -0.5), blockers, &mut RayCount::default());
+        sum += scene.visible(Vec3::new(x, y, 99.0), Vec3::new(x, y, -0.5), blockers, &mut RayCount::default());
     }
     sum * (1.0 / 4096.0)
 }
