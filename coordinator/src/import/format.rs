@@ -7,15 +7,18 @@ use crate::records::Problem;
 pub enum Format {
     /// Wavefront OBJ, or a text that may be one.
     Obj,
+    /// glTF 2.0, text or binary.
+    Gltf,
     /// A ZIP archive.
     Zip,
     /// A scene in a format that this version does not read.
     Unsupported(&'static str),
 }
 
-const LATER: [(&str, &str); 16] = [
-    ("gltf", "glTF"),
-    ("glb", "binary glTF"),
+/// Endings of the names of scenes that are read.
+const SCENES: [&str; 3] = ["obj", "gltf", "glb"];
+
+const LATER: [(&str, &str); 14] = [
     ("x3d", "X3D"),
     ("x3dv", "X3D"),
     ("x3dz", "X3D"),
@@ -46,6 +49,12 @@ pub fn unsupported_by_name(name: &str) -> Option<&'static str> {
     LATER.iter().find(|(e, _)| *e == ext).map(|(_, what)| *what)
 }
 
+/// Whether a file's name promises a scene that is read.
+#[must_use]
+pub fn is_scene(name: &str) -> bool {
+    SCENES.contains(&extension(name).as_str())
+}
+
 /// Decides what `bytes` (the beginning is enough) under `name` are.
 #[must_use]
 pub fn detect(name: &str, bytes: &[u8]) -> Format {
@@ -54,10 +63,11 @@ pub fn detect(name: &str, bytes: &[u8]) -> Format {
     if bytes.starts_with(b"PK\x03\x04") || bytes.starts_with(b"PK\x05\x06") {
         return Format::Zip;
     }
+    if starts(b"glTF") || starts(b"{") {
+        return Format::Gltf;
+    }
     let by_content = [
-        (b"glTF".as_slice(), "binary glTF"),
-        (b"{", "glTF"),
-        (b"#X3D", "X3D"),
+        (b"#X3D".as_slice(), "X3D"),
         (b"#VRML", "VRML/X3D"),
         (b"<?xml", "XML (X3D or COLLADA)"),
         (b"<X3D", "X3D"),
@@ -68,14 +78,16 @@ pub fn detect(name: &str, bytes: &[u8]) -> Format {
         (b"\x1f\x8b", "a gzip stream"),
     ];
     let found = by_content.iter().find(|(magic, _)| starts(magic)).map(|(_, what)| *what);
-    found.or_else(|| unsupported_by_name(name)).map_or(Format::Obj, Format::Unsupported)
+    let by_name = || if matches!(extension(name).as_str(), "gltf" | "glb") { Format::Gltf } else { Format::Obj };
+    found.or_else(|| unsupported_by_name(name)).map_or_else(by_name, Format::Unsupported)
 }
 
 /// Why a scene of an unread format is refused.
 #[must_use]
 pub fn refusal(file: &str, what: &str) -> Problem {
-    let message =
-        format!("this is {what}, which this version does not import; it imports Wavefront OBJ with MTL, as a file, several files or a ZIP");
+    let message = format!(
+        "this is {what}, which this version does not import; it imports Wavefront OBJ with MTL and glTF 2.0, as a file, several files or a ZIP"
+    );
     Problem { message, file: Some(file.to_owned()), line: None }
 }
 
@@ -87,8 +99,9 @@ mod tests {
     fn content_decides_before_the_name() {
         assert_eq!(detect("a.obj", b"v 0 0 0\n"), Format::Obj);
         assert_eq!(detect("a.obj", b"PK\x03\x04rest"), Format::Zip);
-        assert_eq!(detect("a.obj", b"glTF\x02\0\0\0"), Format::Unsupported("binary glTF"));
-        assert_eq!(detect("a.obj", b"\xef\xbb\xbf  {\"asset\": {}}"), Format::Unsupported("glTF"));
+        assert_eq!(detect("a.obj", b"glTF\x02\0\0\0"), Format::Gltf);
+        assert_eq!(detect("a.obj", b"\xef\xbb\xbf  {\"asset\": {}}"), Format::Gltf);
+        assert_eq!(detect("a.glb", b"\0\0"), Format::Gltf);
         assert_eq!(detect("a.wrl", b"#VRML V2.0 utf8\n"), Format::Unsupported("VRML/X3D"));
         assert_eq!(detect("dir.x/scene.STL", b"solid"), Format::Unsupported("STL"));
         assert_eq!(detect("dir.stl/scene", b""), Format::Obj);

@@ -6,18 +6,23 @@
 //! The alternative, passing parser errors through, is a page shorter and leaves "face parse error" as the whole answer.
 
 pub mod bundle;
+mod environment;
 mod findings;
 pub mod format;
+mod gltf;
+mod images;
 mod name;
 pub mod obj;
 mod texture;
+mod two_sided;
+mod weld;
 
 pub use bundle::{Bundle, BundlePath, Content, Part};
 
 use crate::records::{Problem, SceneStatistics};
 use findings::{At, Findings};
 use format::Format;
-use kiln_proto::{limits, scene::Scene};
+use kiln_proto::{limits, options::ImportOptions, scene::Scene};
 
 /// What an import yields.
 #[derive(Debug, Clone, PartialEq)]
@@ -30,14 +35,14 @@ pub struct Imported {
     pub statistics: SceneStatistics,
 }
 
-/// Imports the main file of a bundle with everything it refers to. Cost: linear in the bytes of the bundle, but for concave polygons,
+/// Imports the main file of a bundle with everything it refers to, and the environment that the options name. Cost: linear in the bytes of the bundle, but for concave polygons,
 /// which take the square of their corners.
 ///
 /// # Errors
 /// Every fault found, located, in the order found; at least one.
-pub fn import_bundle(bundle: &Bundle) -> Result<Imported, Vec<Problem>> {
+pub fn import_bundle(bundle: &Bundle, options: &ImportOptions) -> Result<Imported, Vec<Problem>> {
     let mut findings = Findings::default();
-    let scene = import(bundle, &mut findings);
+    let scene = import(bundle, options, &mut findings);
     match scene {
         Some(scene) if !findings.has_errors() => {
             let statistics = statistics(&scene);
@@ -47,8 +52,12 @@ pub fn import_bundle(bundle: &Bundle) -> Result<Imported, Vec<Problem>> {
     }
 }
 
-fn import(bundle: &Bundle, findings: &mut Findings) -> Option<Scene> {
+fn import(bundle: &Bundle, options: &ImportOptions, findings: &mut Findings) -> Option<Scene> {
     let main = bundle.main();
+    if let Err(bad) = options.check() {
+        findings.error(At::file(main.as_str()), format!("the option {bad}"));
+        return None;
+    }
     let bytes = match bundle.read(main, limits::TEXT_BYTES) {
         Ok(bytes) => bytes,
         Err(problem) => {
@@ -56,16 +65,27 @@ fn import(bundle: &Bundle, findings: &mut Findings) -> Option<Scene> {
             return None;
         }
     };
-    if let Format::Unsupported(what) = format::detect(main.as_str(), &bytes) {
-        findings.push_error(format::refusal(main.as_str(), what));
-        return None;
+    let mut scene = match format::detect(main.as_str(), &bytes) {
+        Format::Obj => obj::import(bundle, &bytes, findings)?,
+        Format::Gltf => gltf::import(bundle, main, &bytes, options.time, findings)?,
+        Format::Zip => {
+            findings.error(At::file(main.as_str()), "this is a ZIP inside the bundle; send it by itself");
+            return None;
+        }
+        Format::Unsupported(what) => {
+            findings.push_error(format::refusal(main.as_str(), what));
+            return None;
+        }
+    };
+    if let Some(environment) = environment::import(bundle, options, findings) {
+        scene.environment = Some(environment);
     }
-    let scene = obj::import(bundle, &bytes, findings)?;
     if findings.has_errors() {
         return None;
     }
     if !scene.has_light() {
-        findings.warn(At::file(main.as_str()), "nothing in the scene emits light (no material in use has a Ke above 0): it will be black");
+        findings
+            .warn(At::file(main.as_str()), "nothing in the scene emits light (no light, no material in use that shines): it will be black");
     }
     if let Err(invalid) = scene.validate() {
         findings.error(At::file(main.as_str()), format!("the scene is not valid: {invalid}"));

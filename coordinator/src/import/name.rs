@@ -14,6 +14,11 @@ pub(super) struct Stems {
 }
 
 impl Stems {
+    /// Stems of which these are already taken.
+    pub(super) fn of<'a>(taken: impl Iterator<Item = &'a str>) -> Self {
+        Self { taken: taken.map(str::to_lowercase).collect() }
+    }
+
     /// A stem for `name`: what is unsafe becomes `_`; a stem already taken gets `-2`, `-3`, … in the order of asking.
     pub(super) fn take(&mut self, name: &str) -> String {
         let base = sanitise(name);

@@ -1,4 +1,4 @@
-//! Images of materials: decoded within the limits to 8-bit sRGB, row 0 at the bottom.
+//! Images of materials: decoded within the limits to 8 bits a channel, row 0 at the bottom.
 //!
 //! The size is read and checked before a pixel is decoded, so a file of a kilobyte that promises a terabyte costs a kilobyte.
 
@@ -32,16 +32,16 @@ pub(super) enum TextureError {
     Decode(#[from] image::ImageError),
 }
 
-/// An image and whether it has transparent pixels, which a scene does not keep.
+/// An image and whether it has transparent pixels.
 pub(super) struct Decoded {
-    /// The opaque image.
+    /// The image, with an alpha channel where one was asked for and there are transparent pixels.
     pub(super) texture: Texture,
-    /// Whether some pixel was not opaque.
+    /// Whether some pixel is not opaque.
     pub(super) transparent: bool,
 }
 
-/// Decodes an image file called `name`.
-pub(super) fn decode(name: &str, bytes: &[u8]) -> Result<Decoded, TextureError> {
+/// The format of an image file called `name`, and its size in pixels, within the limits.
+fn head(name: &str, bytes: &[u8]) -> Result<(ImageFormat, u32, u32), TextureError> {
     // TGA has no magic number: only its name tells it.
     let format = image::guess_format(bytes).ok().or_else(|| ImageFormat::from_extension(extension(name))).ok_or(TextureError::Unknown)?;
     if !matches!(format, ImageFormat::Png | ImageFormat::Jpeg | ImageFormat::Bmp | ImageFormat::Tga) {
@@ -52,19 +52,35 @@ pub(super) fn decode(name: &str, bytes: &[u8]) -> Result<Decoded, TextureError> 
     if pixels == 0 || pixels > limits::TEXTURE_PIXELS {
         return Err(TextureError::TooLarge { width, height });
     }
+    Ok((format, width, height))
+}
+
+/// Whether an image file looks whole, without decoding its pixels: its width and height.
+pub(super) fn size(name: &str, bytes: &[u8]) -> Result<(u32, u32), TextureError> {
+    head(name, bytes).map(|(_, width, height)| (width, height))
+}
+
+/// Decodes an image file called `name`, whose bytes mean what `coding` says; `alpha`: whether transparency is kept.
+pub(super) fn decode(name: &str, bytes: &[u8], coding: Coding, alpha: bool) -> Result<Decoded, TextureError> {
+    let (format, width, height) = head(name, bytes)?;
     let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
     let mut bounds = Limits::default();
     bounds.max_alloc = Some(DECODE_BYTES);
     reader.limits(bounds);
     let image = reader.decode()?;
     let transparent = is_transparent(&image);
-    let mut rgb = image.into_rgb8();
+    let has_alpha = alpha && transparent;
     // The scene's row 0 is v = 0, the bottom; an image's first row is its top.
-    flip_vertical_in_place(&mut rgb);
-    Ok(Decoded {
-        texture: Texture { name: name.to_owned(), width, height, coding: Coding::Srgb, has_alpha: false, texels: rgb.into_raw() },
-        transparent,
-    })
+    let texels = if has_alpha {
+        let mut rgba = image.into_rgba8();
+        flip_vertical_in_place(&mut rgba);
+        rgba.into_raw()
+    } else {
+        let mut rgb = image.into_rgb8();
+        flip_vertical_in_place(&mut rgb);
+        rgb.into_raw()
+    };
+    Ok(Decoded { texture: Texture { name: name.to_owned(), width, height, coding, has_alpha, texels }, transparent })
 }
 
 fn is_transparent(image: &DynamicImage) -> bool {
@@ -85,23 +101,30 @@ mod tests {
         out.into_inner()
     }
 
+    fn srgb(name: &str, bytes: &[u8]) -> Result<Decoded, TextureError> {
+        decode(name, bytes, Coding::Srgb, false)
+    }
+
     #[test]
     fn row_zero_is_the_bottom_and_alpha_is_noticed() {
         let mut image = RgbaImage::from_pixel(1, 2, Rgba([1, 2, 3, 255]));
         image.put_pixel(0, 1, Rgba([9, 8, 7, 255]));
-        let opaque = decode("t.png", &png(image.clone())).unwrap();
+        let opaque = srgb("t.png", &png(image.clone())).unwrap();
         assert_eq!((opaque.texture.texels, opaque.transparent), (vec![9, 8, 7, 1, 2, 3], false));
         image.put_pixel(0, 0, Rgba([1, 2, 3, 254]));
-        assert!(decode("t.png", &png(image)).unwrap().transparent);
+        let see_through = png(image);
+        let (plain, kept) = (srgb("t.png", &see_through).unwrap(), decode("t.png", &see_through, Coding::Linear, true).unwrap());
+        assert_eq!((plain.texture.texels.len(), plain.transparent), (6, true));
+        assert_eq!((kept.texture.texels, kept.texture.has_alpha), (vec![9, 8, 7, 255, 1, 2, 3, 254], true));
     }
 
     #[test]
     fn content_decides_the_format_and_nonsense_is_refused() {
         let bytes = png(RgbaImage::new(3, 2));
-        assert_eq!(decode("wrong.jpg", &bytes).unwrap().texture.width, 3);
-        assert!(matches!(decode("t.png", &bytes[..bytes.len() / 2]), Err(TextureError::Decode(_))));
-        assert!(matches!(decode("t.txt", b"hello"), Err(TextureError::Unknown)));
-        assert!(decode("t.tga", b"hello").is_err());
+        assert_eq!(srgb("wrong.jpg", &bytes).unwrap().texture.width, 3);
+        assert!(matches!(srgb("t.png", &bytes[..bytes.len() / 2]), Err(TextureError::Decode(_))));
+        assert!(matches!(srgb("t.txt", b"hello"), Err(TextureError::Unknown)));
+        assert!(srgb("t.tga", b"hello").is_err());
     }
 
     #[test]
@@ -113,6 +136,6 @@ mod tests {
             .iter()
             .fold(u32::MAX, |crc, b| (0..8).fold(crc ^ u32::from(*b), |c, _| if c & 1 == 1 { (c >> 1) ^ 0xedb8_8320 } else { c >> 1 }));
         bytes[29..33].copy_from_slice(&crc.to_be_bytes());
-        assert!(matches!(decode("t.png", &bytes), Err(TextureError::TooLarge { width: 65_536, .. })));
+        assert!(matches!(srgb("t.png", &bytes), Err(TextureError::TooLarge { width: 65_536, .. })));
     }
 }

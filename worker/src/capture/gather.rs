@@ -35,6 +35,8 @@ pub(super) struct Sample {
     pub(super) light_pdf: f32,
     /// Reflected by what is seen there; only incident samples find it, W/(sr m²).
     pub(super) reflected: Rgb,
+    /// What a light without area sends from there, divided by the number of points that ask for it: irradiance of a surface that faces it, W/m².
+    pub(super) direct: Rgb,
     /// How the point of the footprint that the sample belongs to reflects.
     pub(super) bsdf: Bsdf,
 }
@@ -67,13 +69,13 @@ pub(super) struct Mixture {
 
 impl Mixture {
     /// The share of a sample in the estimate of the integral: cosine times light over density, by the balance heuristic (Veach 1997,
-    /// multi-sample model). `lobes` is the sum of the lobe values over all directions that share.
+    /// multi-sample model), or light without area as it is. `lobes` is the sum of the lobe values over all directions that share.
     #[inline(always)]
     pub(super) fn weigh(&self, sample: &Sample, lobes: f32, lobe_scale: f32) -> Rgb {
         let p = self.incident * (self.cosine * INV_PI * sample.wi.z.abs() + lobe_scale * lobes);
         let cos = sample.normal.dot(sample.own);
         let both = cos / (p + self.light * sample.light_pdf);
-        sample.emitted * both + sample.reflected * (cos / p)
+        sample.emitted * both + sample.reflected * (cos / p) + sample.direct * cos
     }
 
     /// What the sum of lobe values is multiplied with in p, for so many lobes.

@@ -17,6 +17,7 @@ use super::{
     directions::{Directions, LobeSet},
     draw::{Drawing, Side},
     gather::{Mixture, Sample, Shape, Sums, gather},
+    punctual,
     site::{Mean, Site},
 };
 use crate::{
@@ -30,7 +31,7 @@ use kiln_proto::units::Rgb;
 use std::ops::Range;
 
 /// Incident samples per light sample.
-const LIGHT_SHARE: u32 = 4;
+pub(super) const LIGHT_SHARE: u32 = 4;
 /// Of so many incident samples on a glossy surface one is cosine-distributed (measured: half of them is worse on every glossy surface).
 const COSINE_SHARE: u32 = 4;
 /// Neighbouring directions of narrow lobes that share samples: one vector of the inner loops.
@@ -119,6 +120,8 @@ pub(crate) fn capture(scene: &BakeScene, site: &Site<'_>, budget: Budget, views:
         drawing.cosine(Side::Front, front.cosine, &mut scratch.front);
         drawing.cosine(Side::Behind, behind.cosine, &mut scratch.behind);
         drawing.lights(budget.samples / LIGHT_SHARE, &mut scratch.front, &mut scratch.behind);
+        let ambient = punctual::shine(&mut drawing, budget, &mut scratch.front, &mut scratch.behind);
+        out.iter_mut().for_each(|l| *l += ambient);
         gather_side(&mut drawing, Side::Front, &front, budget, views, scratch, out);
         if mean.behind > 0.0 {
             gather_side(&mut drawing, Side::Behind, &behind, budget, views, scratch, out);

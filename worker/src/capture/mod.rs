@@ -10,6 +10,7 @@ pub(crate) mod footprint;
 mod gather;
 pub(crate) mod hemisphere;
 mod probe;
+mod punctual;
 pub(crate) mod site;
 
 #[cfg(test)]

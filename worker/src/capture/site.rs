@@ -147,7 +147,17 @@ impl Sample {
         }
         let on_side = |n: Vec3| if front { wi } else { across(wi, n) };
         let (own, mixed) = (on_side(normal), on_side(mean_normal));
-        let dark = Sample { wi, mixed, own, normal, emitted: Rgb::BLACK, light_pdf: 0.0, reflected: Rgb::BLACK, bsdf: vertex.bsdf };
+        let dark = Sample {
+            wi,
+            mixed,
+            own,
+            normal,
+            emitted: Rgb::BLACK,
+            light_pdf: 0.0,
+            reflected: Rgb::BLACK,
+            direct: Rgb::BLACK,
+            bsdf: vertex.bsdf,
+        };
         (normal.dot(own) > 0.0).then_some(dark)
     }
 }

@@ -13,16 +13,19 @@ mod tests;
 use crate::{
     accel::Accel,
     bsdf::Bsdf,
-    light::{Emitter, Lights},
+    light::{self, Emitter, LightPoint, Lights},
     simd::{Kernel, Simd},
 };
 use glam::Vec3;
-use kiln_proto::scene::{InvalidScene, Mapping, Material, Scene};
+use kiln_proto::{
+    scene::{InvalidScene, Mapping, Material, Part, Scene},
+    units::Rgb,
+};
 use opacity::Veil;
 use prim::Prims;
 
 pub use crate::accel::Hit;
-pub use opacity::{Blockers, LAYERS};
+pub use opacity::{Blockers, LAYERS, Seen};
 pub use prim::Prim;
 pub use vertex::{HORIZON, Vertex, above_horizon};
 
@@ -40,6 +43,8 @@ pub struct BakeScene {
     /// What must be asked where a primitive is met; empty where nothing must.
     veils: Vec<Veil>,
     accel: Accel,
+    /// Metres that lead out of the scene from anywhere in it.
+    reach: f32,
     lights: Lights,
     kernel: Kernel,
 }
@@ -56,13 +61,13 @@ impl BakeScene {
         let soup: Vec<[Vec3; 3]> = numbers.iter().map(|p| prims.all[*p as usize].corners).collect();
         let accel = Accel::build(&soup).numbered(&numbers);
         let lights = lights(&scene, &prims.all);
-        for (index, emitter) in lights.emitters().iter().enumerate() {
+        for (index, emitter) in lights.emitters().list().iter().enumerate() {
             prims.all[emitter.prim as usize].emitter = Some(index as u32);
         }
         let constant = scene.materials.iter().map(|m| material::constant(&scene, m)).collect();
-        let veils = Veil::all(&scene, &prims);
+        let (veils, reach) = (Veil::all(&scene, &prims), 2.0 * light::diameter(&scene));
         let Prims { all, first, normals } = prims;
-        Ok(Self { scene, prims: all, first, normals, constant, veils, accel, lights, kernel: Kernel::select(simd) })
+        Ok(Self { scene, prims: all, first, normals, constant, veils, accel, reach, lights, kernel: Kernel::select(simd) })
     }
 
     /// The canonical scene behind it.
@@ -97,6 +102,34 @@ impl BakeScene {
         self.first[surface] + triangle
     }
 
+    /// The part that a primitive belongs to.
+    #[must_use]
+    #[inline]
+    pub fn part(&self, prim: &Prim) -> &Part {
+        &self.scene.surfaces[prim.surface as usize].parts[prim.part as usize]
+    }
+
+    /// A point on an emissive triangle or a direction of the environment.
+    #[must_use]
+    #[inline]
+    pub fn sample_light(&self, u: [f32; 2]) -> Option<LightPoint> {
+        self.lights.sample(&self.scene, u)
+    }
+
+    /// What is seen where a ray leaves the scene, W/(sr m²), and the density with which sampling lights chooses the direction, 1/sr.
+    #[must_use]
+    #[inline]
+    pub fn beyond(&self, direction: Vec3) -> (Rgb, f32) {
+        self.lights.beyond(&self.scene, direction)
+    }
+
+    /// Metres that lead out of the scene from anywhere in it.
+    #[must_use]
+    #[inline]
+    pub fn reach(&self) -> f32 {
+        self.reach
+    }
+
     /// The material of a primitive.
     #[must_use]
     #[inline]
@@ -115,5 +148,5 @@ fn lights(scene: &Scene, prims: &[Prim]) -> Lights {
     };
     let radiance: Vec<f32> = scene.materials.iter().map(radiance).collect();
     let emitter = |(index, p): (usize, &Prim)| Emitter { prim: index as u32, area: p.area(), radiance: radiance[p.material as usize] };
-    Lights::new(prims.iter().enumerate().map(emitter))
+    Lights::new(scene, prims.iter().enumerate().map(emitter))
 }

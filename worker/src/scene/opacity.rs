@@ -31,6 +31,17 @@ pub enum Blockers {
     Casters,
 }
 
+/// What a ray meets, with what the light from there is multiplied by on its way.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Seen {
+    /// A primitive: the side that the ray sees.
+    Hit(Hit, Rgb),
+    /// What lies beyond the scene.
+    Beyond(Rgb),
+    /// More layers of glass than are looked through.
+    Dark,
+}
+
 /// What must be asked where a primitive is met, in bits; 0 for most.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(super) struct Veil(u8);
@@ -74,35 +85,37 @@ impl Veil {
 }
 
 impl BakeScene {
-    /// What a ray meets first: the side that it sees, and by what the light from there is multiplied on its way. `salt` names the ray.
+    /// What a ray meets first. `salt` names the ray.
     #[inline]
-    pub fn closest(&self, ray: &Ray, salt: u64, rays: &mut RayCount) -> Option<(Hit, Rgb)> {
+    pub fn closest(&self, ray: &Ray, salt: u64, rays: &mut RayCount) -> Seen {
         if self.veils.is_empty() {
-            let hit = self.accel.closest(ray, rays)?;
-            return Some((self.seen(hit, ray.direction), Rgb::WHITE));
+            return match self.accel.closest(ray, rays) {
+                Some(hit) => Seen::Hit(self.seen(hit, ray.direction), Rgb::WHITE),
+                None => Seen::Beyond(Rgb::WHITE),
+            };
         }
         self.closest_veiled(ray, salt, rays)
     }
 
-    fn closest_veiled(&self, ray: &Ray, salt: u64, rays: &mut RayCount) -> Option<(Hit, Rgb)> {
+    fn closest_veiled(&self, ray: &Ray, salt: u64, rays: &mut RayCount) -> Seen {
         let (mut weight, mut last) = (Rgb::WHITE, (0.0, 0));
         for _ in 0..LAYERS {
             let met = |hit: &Hit| (hit.t, hit.prim) > last && self.meets(hit, ray.direction, salt);
-            let hit = self.accel.closest_where(ray, rays, met)?;
+            let Some(hit) = self.accel.closest_where(ray, rays, met) else { return Seen::Beyond(weight) };
             let seen = self.seen(hit, ray.direction);
             let clear = if self.veils[hit.prim as usize].has(Veil::CLEAR) { self.clear_along(&seen, ray.direction) } else { Rgb::BLACK };
             if clear.is_black() {
-                return Some((seen, weight));
+                return Seen::Hit(seen, weight);
             }
             // Either the glass itself or what lies behind, each as often as it is bright.
             let pass = clear.max_channel() / (1.0 + clear.max_channel());
             if chance(salt ^ !0, hit.prim) >= pass {
-                return Some((seen, weight * (1.0 / (1.0 - pass))));
+                return Seen::Hit(seen, weight * (1.0 / (1.0 - pass)));
             }
             weight = weight * clear * (1.0 / pass);
             last = (hit.t, hit.prim);
         }
-        None
+        Seen::Dark
     }
 
     /// What share of light travels between two lifted points, per channel: 0 where something opaque lies between.

@@ -13,6 +13,9 @@ use kiln_proto::{
 /// How far rays start off a surface, relative to the largest coordinate of its triangle: 32 units in the last place, ten times the error of
 /// an interpolated position. Relative, so that a scene a thousand times smaller bakes the same.
 const LIFT: f32 = 32.0 * f32::EPSILON;
+/// How far they start from the triangle's edges, in units of the lift: rounding must not carry a point at an edge beyond the wall that
+/// stands there, nor lifting one in a corner that is narrower than a right angle (down to 30 degrees).
+const INSET: f32 = 2.0;
 /// How far a point may be raised onto the smooth surface, relative to the longest edge. A sphere of eight segments needs 0.19 of it.
 const HIGHEST: f32 = 0.25;
 /// An interpolated normal is turned toward the triangle's until their cosine is at least this.
@@ -31,6 +34,8 @@ pub struct Prim {
     pub material: u32,
     /// Index of the surface.
     pub surface: u32,
+    /// Index of the part within it.
+    pub part: u32,
     /// Its index among the lights' emitters.
     pub emitter: Option<u32>,
     /// The other side: of a front its back, of a back its front.
@@ -62,8 +67,7 @@ impl Prims {
             for (t, part) in surface.part_of_triangles().enumerate() {
                 let smooth = prims.vertex_normals(scene, surface, t);
                 let corners = scene.corners(&surface.triangles[t]);
-                let prim = Prim::new(corners, index as u32, surface, surface.parts[part].material, smooth);
-                prims.all.push(prim);
+                prims.all.push(Prim::new(corners, (index, surface), part, smooth));
             }
         }
         prims.pair(scene);
@@ -89,7 +93,7 @@ impl Prims {
 }
 
 impl Prim {
-    fn new(corners: [DVec3; 3], surface: u32, owner: &Surface, material: u32, smooth: Option<u32>) -> Self {
+    fn new(corners: [DVec3; 3], (surface, owner): (usize, &Surface), part: usize, smooth: Option<u32>) -> Self {
         let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]).try_normalize().unwrap_or(DVec3::Y).as_vec3();
         let (tangent, bitangent) = warp::basis(normal);
         let corners = corners.map(|c| c.as_vec3());
@@ -98,8 +102,9 @@ impl Prim {
             corners,
             frame: Frame { tangent, bitangent, normal },
             lift: LIFT * largest,
-            material,
-            surface,
+            material: owner.parts[part].material,
+            surface: surface as u32,
+            part: part as u32,
             emitter: None,
             other: None,
             smooth,
@@ -112,6 +117,15 @@ impl Prim {
     #[inline]
     pub fn at(&self, [b, c]: [f32; 2]) -> Vec3 {
         self.corners[0] * (1.0 - b - c) + self.corners[1] * b + self.corners[2] * c
+    }
+
+    /// A point on it a little nearer to its middle.
+    #[inline]
+    pub(super) fn inset(&self, at: Vec3) -> Vec3 {
+        let inward = (self.corners[0] + self.corners[1] + self.corners[2]) * (1.0 / 3.0) - at;
+        let distance = inward.length();
+        let step = if distance > 0.0 { (INSET * self.lift).min(distance) / distance } else { 0.0 };
+        at + inward * step
     }
 
     /// Its area, m².

@@ -60,7 +60,9 @@ fn walked(scene: &BakeScene) -> Rgb {
     for (k, (x, y)) in points().enumerate() {
         let ray = Ray::unbounded(Vec3::new(x, y, 9.0), -Vec3::Z);
         let met = scene.closest(&ray, crate::sampling::sequence::mix(k as u64), &mut RayCount::default());
-        if let Some((_, weight)) = met.filter(|(hit, _)| hit.prim >= wall) {
+        if let Seen::Hit(hit, weight) = met
+            && hit.prim >= wall
+        {
             sum += weight;
         }
     }
@@ -85,7 +87,7 @@ fn blended_layers_multiply_for_shadow_rays_and_by_chance_for_paths() {
     assert!((walked(&scene).r - expected).abs() < 4.0 * 0.46 / 64.0, "{:?}", walked(&scene));
     // The same ray always goes the same way, another name of it perhaps another.
     let ray = Ray::unbounded(Vec3::new(0.4, 0.4, 9.0), -Vec3::Z);
-    let met = |salt| scene.closest(&ray, salt, &mut RayCount::default()).unwrap().0;
+    let met = |salt| scene.closest(&ray, salt, &mut RayCount::default());
     assert_eq!(met(7), met(7));
     assert!((0..32).any(|salt| met(salt) != met(7)));
 }
@@ -128,7 +130,10 @@ fn a_ray_from_behind_meets_the_back_with_its_own_material() {
     let scene = bake(scene);
     let meet = |z: f32| {
         let ray = Ray::unbounded(Vec3::new(0.7, 0.2, z), Vec3::new(0.0, 0.0, 0.5 - z));
-        scene.closest(&ray, 0, &mut RayCount::default()).unwrap().0
+        match scene.closest(&ray, 0, &mut RayCount::default()) {
+            Seen::Hit(hit, _) => hit,
+            other => panic!("{other:?}"),
+        }
     };
     let (front, back) = (meet(9.0), meet(-0.5));
     assert_eq!((scene.prim(front.prim).surface, scene.prim(back.prim).surface), (0, 2));
@@ -137,7 +142,7 @@ fn a_ray_from_behind_meets_the_back_with_its_own_material() {
     assert_eq!(scene.emission(back.prim, [back.u, back.v]), Rgb::splat(3.0));
     assert!(matches!(scene.vertex(&back).bsdf.specular, Specular::Mirror { .. }));
     assert_eq!(scene.vertex(&back).frame.normal, -Vec3::Z);
-    assert_eq!(scene.lights().emitters().len(), 2, "both triangles of the back shine");
+    assert_eq!(scene.lights().emitters().list().len(), 2, "both triangles of the back shine");
     // Texture coordinates follow the point, whichever side it is seen from.
     let uv = |hit: &Hit| scene.scene().uv_at(0, &scene.place(hit.prim, [hit.u, hit.v]));
     assert!((uv(&front)[0] - 0.7).abs() < 1e-6 && (uv(&back)[0] - 0.7).abs() < 1e-6 && (uv(&back)[1] - 0.2).abs() < 1e-6);

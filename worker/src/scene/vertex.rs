@@ -66,7 +66,7 @@ impl BakeScene {
     #[inline]
     pub fn lifted(&self, prim: u32, bary: [f32; 2]) -> Vec3 {
         let p = self.prim(prim);
-        p.at(bary) + p.frame.normal * p.lift
+        p.inset(p.at(bary)) + p.frame.normal * p.lift
     }
 
     /// The vertex of a path where a ray met a primitive.
@@ -89,11 +89,11 @@ impl BakeScene {
     #[inline]
     fn vertex_of(&self, prim: u32, bary: [f32; 2], position: Vec3, frame: Frame) -> Vertex {
         let p = self.prim(prim);
-        let lift = p.frame.normal * p.lift;
-        let raised = self.smooth_normals(prim).map_or(position, |normals| p.raised(position, bary, normals));
+        let (lift, inset) = (p.frame.normal * p.lift, p.inset(position));
+        let raised = self.smooth_normals(prim).map_or(inset, |normals| p.raised(inset, bary, normals));
         let normal = self.mapped_normal(prim, bary, frame.normal);
         let shading = if normal == frame.normal { frame } else { frame_of(normal) };
-        Vertex { prim, lifted: raised + lift, sunk: position - lift, frame, shading, bsdf: self.bsdf(prim, bary) }
+        Vertex { prim, lifted: raised + lift, sunk: inset - lift, frame, shading, bsdf: self.bsdf(prim, bary) }
     }
 
     #[inline]

@@ -3,8 +3,11 @@
 //! Only files inside the main file's folder are taken: a scene that someone else made must not be able to name `/etc/passwd` or
 //! `../../.ssh/id_ed25519`, nor to reach them through a link, and have them uploaded. What is outside is reported as missing.
 
-use super::{Bundle, BundlePath, Content, plain, problem, unreadable};
-use crate::{import::obj, records::Problem};
+use super::{Bundle, BundlePath, Content, Format, plain, problem, unreadable};
+use crate::{
+    import::{gltf, obj},
+    records::Problem,
+};
 use kiln_proto::limits;
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -22,21 +25,22 @@ pub fn collect(main: &Path, scratch: &Path) -> Result<(Bundle, Vec<Problem>), Pr
         return Err(problem(&shown, if main.exists() { "this is not a file" } else { "there is no such file" }));
     }
     let part = super::Part { name: name.to_owned(), content: Content::File(main.to_owned()) };
-    match super::format::detect(name, &super::head(&part)?) {
-        super::Format::Zip => return Ok((Bundle::from_parts(vec![part], None, scratch)?, vec![])),
-        super::Format::Unsupported(what) => return Err(super::format::refusal(&shown, what)),
-        super::Format::Obj => {}
+    let format = super::format::detect(name, &super::head(&part)?);
+    match format {
+        Format::Zip => return Ok((Bundle::from_parts(vec![part], None, scratch)?, vec![])),
+        Format::Unsupported(what) => return Err(super::format::refusal(&shown, what)),
+        Format::Obj | Format::Gltf => {}
     }
     let root = BundlePath::parse(name).map_err(|e| problem(&shown, e.to_string()))?;
     let parent = main.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let folder = parent.canonicalize().map_err(|e| unreadable(&parent.display().to_string(), &e))?;
     let mut walk = Walk { folder, files: BTreeMap::new(), missing: vec![] };
-    let text = read_text(main, &shown)?;
+    let bytes = read(main, &shown)?;
     walk.files.insert(root.clone(), Content::File(main.to_owned()));
-    for path in walk.libraries(&root, &text) {
-        let library = walk.folder.join(path.as_str());
-        let text = read_text(&library, path.as_str())?;
-        walk.textures(&path, &text);
+    if format == Format::Gltf {
+        walk.references(&root, gltf::references(name, &bytes));
+    } else {
+        walk.materials(&root, &String::from_utf8_lossy(&bytes))?;
     }
     let bundle = Bundle::new(walk.files, Some(root.as_str()), None)?;
     Ok((bundle, walk.missing))
@@ -50,6 +54,15 @@ struct Walk {
 }
 
 impl Walk {
+    /// Adds the material libraries of an OBJ and what they refer to.
+    fn materials(&mut self, root: &BundlePath, text: &str) -> Result<(), Problem> {
+        for path in self.libraries(root, text) {
+            let library = read(&self.folder.join(path.as_str()), path.as_str())?;
+            self.references(&path, obj::texture_lines(&String::from_utf8_lossy(&library)));
+        }
+        Ok(())
+    }
+
     /// Adds the material libraries of an OBJ and returns their paths.
     fn libraries(&mut self, root: &BundlePath, text: &str) -> BTreeSet<BundlePath> {
         let mut libraries = BTreeSet::new();
@@ -64,10 +77,10 @@ impl Walk {
         libraries
     }
 
-    fn textures(&mut self, library: &BundlePath, text: &str) {
-        for (line, name) in obj::texture_lines(text) {
-            if self.add(library, &name).is_none() {
-                self.report(library, line, &name);
+    fn references(&mut self, from: &BundlePath, names: Vec<(u32, String)>) {
+        for (line, name) in names {
+            if self.add(from, &name).is_none() {
+                self.report(from, line, &name);
             }
         }
     }
@@ -100,11 +113,10 @@ impl Walk {
     }
 }
 
-fn read_text(path: &Path, shown: &str) -> Result<String, Problem> {
+fn read(path: &Path, shown: &str) -> Result<Vec<u8>, Problem> {
     let length = path.metadata().map_err(|e| unreadable(shown, &e))?.len();
     if length > limits::TEXT_BYTES {
         return Err(plain(format!("{shown} has {length} bytes; at most {} are allowed", limits::TEXT_BYTES)));
     }
-    let bytes = std::fs::read(path).map_err(|e| unreadable(shown, &e))?;
-    Ok(String::from_utf8_lossy(&bytes).into_owned())
+    std::fs::read(path).map_err(|e| unreadable(shown, &e))
 }

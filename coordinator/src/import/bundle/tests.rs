@@ -68,10 +68,11 @@ fn unsafe_uploads_are_refused() {
 fn litter_is_skipped_and_the_scene_must_be_one() {
     let bytes = zip_of(&[("room/a.obj", OBJ), ("__MACOSX/room/._a.obj", b""), ("room/.DS_Store", b"")]);
     assert_eq!(unzip(&bytes).unwrap().files().count(), 1);
-    assert!(refused(parts(&[("a.obj", OBJ), ("b.obj", OBJ)])).contains("2 .obj files"));
-    assert!(refused(parts(&[("a.mtl", b"")])).contains("no .obj"));
+    assert!(refused(parts(&[("a.obj", OBJ), ("b.obj", OBJ)])).contains("2 scenes"));
+    assert!(refused(parts(&[("a.mtl", b"")])).contains("no scene"));
     assert!(refused(parts(&[])).contains("empty"));
-    assert!(refused(parts(&[("a.gltf", b"{}"), ("a.bin", b"")])).contains("glTF"));
+    assert_eq!(parts(&[("a.gltf", b"{}"), ("a.bin", b"")]).unwrap().main().as_str(), "a.gltf");
+    assert!(refused(parts(&[("a.fbx", b"{}"), ("a.bin", b"")])).contains("FBX"));
     assert_eq!(parts(&[("", OBJ)]).unwrap().main().as_str(), "scene.obj");
     let choice = Bundle::from_parts(vec![part("a.obj", OBJ), part("b.obj", OBJ)], Some("b.obj"), &std::env::temp_dir());
     assert_eq!(choice.unwrap().main().as_str(), "b.obj");
@@ -132,7 +133,24 @@ proptest! {
             bytes.truncate(usize::from(cut) % bytes.len());
         }
         if let Ok(bundle) = unzip(&bytes) {
-            let _ = import_bundle(&bundle);
+            let _ = import_bundle(&bundle, &kiln_proto::options::ImportOptions::default());
         }
     }
+}
+
+#[test]
+fn a_file_from_elsewhere_lies_beside_the_scene_under_a_name_of_its_own() {
+    let folder = tempfile::tempdir().unwrap();
+    let local = folder.path().join("sky.hdr");
+    std::fs::write(&local, b"mine").unwrap();
+    let mut bundle = parts(&[("room/a.obj", OBJ), ("room/sky.hdr", b"another")]).unwrap();
+    for _ in 0..2 {
+        let name = bundle.add(&local).unwrap();
+        assert_eq!(name, "1-sky.hdr");
+        let Some(Found::Exact(path)) = bundle.find(bundle.main(), &name) else { panic!() };
+        assert_eq!((path.as_str(), &*bundle.read(path, 9).unwrap()), ("room/1-sky.hdr", b"mine".as_slice()));
+    }
+    assert_eq!(bundle.files().count(), 3, "the same file again is the same file");
+    assert!(bundle.add(&folder.path().join("none.hdr")).unwrap_err().to_string().contains("no such file"));
+    assert!(bundle.add(folder.path()).unwrap_err().to_string().contains("not a file"));
 }

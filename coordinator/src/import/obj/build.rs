@@ -11,6 +11,7 @@ use super::{
 use crate::import::{
     findings::{At, Findings},
     name::{Stems, unique},
+    weld::Weld,
 };
 use glam::{DVec3, Vec3};
 use kiln_proto::{
@@ -18,12 +19,9 @@ use kiln_proto::{
     scene::{Surface, Triangle},
 };
 use std::{
-    collections::{BTreeMap, BTreeSet, HashMap, HashSet},
+    collections::{BTreeMap, BTreeSet},
     ops::Range,
 };
-
-/// A triangle whose doubled area is below this share of its longest side squared has no direction to speak of.
-const NO_AREA: f64 = 1e-10;
 
 /// What becomes of one (object, material) pair.
 struct Part {
@@ -56,11 +54,7 @@ pub(super) struct Builder<'a> {
     file: &'a str,
     scan: &'a Scan,
     by_object: bool,
-    /// Positions by their bits: looked up, never iterated.
-    places: HashMap<[u32; 3], u32>,
-    /// Positions in order of first use.
-    pub(super) positions: Vec<[f32; 3]>,
-    seen: HashSet<[u32; 3]>,
+    weld: Weld,
     parts: Vec<Part>,
     part_ids: BTreeMap<(Option<usize>, Option<usize>), usize>,
     count: usize,
@@ -72,9 +66,7 @@ impl<'a> Builder<'a> {
             file,
             scan,
             by_object: scan.groups.iter().any(|g| g.object.is_some()),
-            places: HashMap::new(),
-            positions: vec![],
-            seen: HashSet::new(),
+            weld: Weld::default(),
             parts: vec![],
             part_ids: BTreeMap::new(),
             count: 0,
@@ -105,17 +97,13 @@ impl<'a> Builder<'a> {
         let at = At::line(self.file, face.note.line);
         let corners: Vec<u32> = face.mesh.indices[face.corners.clone()].iter().map(|i| self.place(face.mesh, *i)).collect();
         let uv = face.uv();
-        let world: Vec<DVec3> = corners.iter().map(|c| Vec3::from_array(self.positions[*c as usize]).as_dvec3()).collect();
+        let world: Vec<DVec3> = corners.iter().map(|c| Vec3::from_array(self.weld.positions.values[*c as usize]).as_dvec3()).collect();
         let polygon = self.parts[part].polygons;
         self.parts[part].polygons += 1;
         for t in polygon::triangulate(&world) {
-            if has_no_area(t.map(|i| world[i])) {
-                findings.count(at, "triangles without area were dropped");
-                continue;
-            }
             let corners = t.map(|i| corners[i]);
-            if !self.seen.insert(least_first(corners)) {
-                findings.count(at, "triangles that repeat another one exactly were dropped");
+            if let Err(left) = self.weld.triangle(corners) {
+                findings.count(at, left.words());
                 continue;
             }
             self.parts[part].triangles.push((Triangle { corners, polygon }, uv.as_ref().map(|uv| t.map(|i| uv[i]))));
@@ -124,14 +112,7 @@ impl<'a> Builder<'a> {
     }
 
     fn place(&mut self, mesh: &tobj::Mesh, index: u32) -> u32 {
-        // Adding zero turns -0.0 into 0.0: the same place has one name.
-        let position: [f32; 3] = std::array::from_fn(|k| mesh.positions[3 * index as usize + k] + 0.0);
-        let next = self.positions.len() as u32;
-        let id = *self.places.entry(position.map(f32::to_bits)).or_insert(next);
-        if id == next {
-            self.positions.push(position);
-        }
-        id
+        self.weld.positions.id(std::array::from_fn(|k| mesh.positions[3 * index as usize + k]))
     }
 
     fn part(&mut self, group: Group, line: u32, materials: &mut Materials<'_>, findings: &mut Findings) -> usize {
@@ -169,7 +150,7 @@ impl<'a> Builder<'a> {
             let file_stem = stems.take(&name);
             surfaces.push(Surface { file_stem, ..Surface::plain(name, part.material, part.triangles) });
         }
-        (self.positions, surfaces)
+        (self.weld.positions.values, surfaces)
     }
 }
 
@@ -179,22 +160,5 @@ fn face_sizes(mesh: &tobj::Mesh) -> Box<dyn Iterator<Item = usize> + '_> {
         Box::new(std::iter::repeat_n(3, mesh.indices.len() / 3))
     } else {
         Box::new(mesh.face_arities.iter().map(|a| *a as usize))
-    }
-}
-
-fn has_no_area([a, b, c]: [DVec3; 3]) -> bool {
-    let longest = (b - a).length_squared().max((c - b).length_squared()).max((a - c).length_squared());
-    (b - a).cross(c - a).length() <= NO_AREA * longest
-}
-
-/// The same triangle begun at its lowest corner: rotations are equal, mirror images are not.
-fn least_first(corners: [u32; 3]) -> [u32; 3] {
-    let [a, b, c] = corners;
-    if a <= b && a <= c {
-        [a, b, c]
-    } else if b <= c {
-        [b, c, a]
-    } else {
-        [c, a, b]
     }
 }

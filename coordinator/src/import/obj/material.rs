@@ -3,14 +3,13 @@
 use super::map::Map;
 use super::mtl::{Library, RawMaterial, Stated};
 use crate::import::{
-    Bundle, BundlePath,
+    Bundle,
     bundle::Found,
     findings::{At, Findings},
-    texture::{self, TextureError},
+    images::{Images, Wanted},
 };
 use kiln_proto::{
-    limits,
-    scene::{LayerMode, Lobe, Material, Phong, Reflection, Texture, TextureLayer, TextureRef, energy_scale},
+    scene::{Coding, LayerMode, Lobe, Material, Phong, Reflection, TextureLayer, TextureRef, energy_scale},
     units::Rgb,
 };
 use std::collections::BTreeMap;
@@ -23,17 +22,15 @@ pub(super) struct Materials<'a> {
     bundle: &'a Bundle,
     library: &'a Library,
     ids: BTreeMap<Option<String>, u32>,
-    texture_ids: BTreeMap<BundlePath, Option<u32>>,
-    texture_bytes: u64,
     /// The materials so far.
     pub(super) materials: Vec<Material>,
     /// The textures so far.
-    pub(super) textures: Vec<Texture>,
+    pub(super) images: Images,
 }
 
 impl<'a> Materials<'a> {
     pub(super) fn new(bundle: &'a Bundle, library: &'a Library) -> Self {
-        Self { bundle, library, ids: BTreeMap::new(), texture_ids: BTreeMap::new(), texture_bytes: 0, materials: vec![], textures: vec![] }
+        Self { bundle, library, ids: BTreeMap::new(), materials: vec![], images: Images::default() }
     }
 
     /// The id of the material of this name; unknown names and faces without a material share a grey one.
@@ -109,40 +106,13 @@ impl<'a> Materials<'a> {
                 return None;
             }
         };
-        if let Some(known) = self.texture_ids.get(path) {
-            return *known;
+        let wanted = Wanted { coding: Coding::Srgb, alpha: false };
+        let image = self.images.file(self.bundle, path, wanted, at, findings)?;
+        if image.transparent {
+            let message = format!("the texture `{path}` has transparent pixels; they are baked opaque");
+            findings.warn_once(at, &format!("transparent {path}"), message);
         }
-        let id = self.load(path, at, findings);
-        self.texture_ids.insert(path.clone(), id);
-        id
-    }
-
-    fn load(&mut self, path: &BundlePath, at: At<'_>, findings: &mut Findings) -> Option<u32> {
-        let bytes = match self.bundle.read(path, limits::BUNDLE_BYTES) {
-            Ok(bytes) => bytes,
-            Err(problem) => {
-                findings.push_error(problem);
-                return None;
-            }
-        };
-        match texture::decode(path.as_str(), &bytes) {
-            Ok(decoded) => {
-                self.texture_bytes += decoded.texture.texels.len() as u64;
-                if self.texture_bytes > limits::BUNDLE_BYTES {
-                    findings.error(at, format!("the textures together exceed {} bytes; scale them down", limits::BUNDLE_BYTES));
-                    return None;
-                }
-                if decoded.transparent {
-                    findings.warn(at, format!("the texture `{path}` has transparent pixels; they are baked opaque"));
-                }
-                self.textures.push(decoded.texture);
-                Some(self.textures.len() as u32 - 1)
-            }
-            Err(e @ TextureError::Decode(_)) | Err(e @ TextureError::TooLarge { .. }) | Err(e @ TextureError::Unknown) => {
-                findings.error(at, format!("the texture `{path}` {e}"));
-                None
-            }
-        }
+        Some(image.id)
     }
 }
 

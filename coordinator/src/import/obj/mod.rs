@@ -35,7 +35,7 @@ pub(super) fn import(bundle: &Bundle, bytes: &[u8], findings: &mut Findings) -> 
     builder.add(&models, &mut materials, findings);
     drop(models);
     let (positions, surfaces) = builder.into_surfaces(main.stem(), findings);
-    Some(Scene { positions, surfaces, materials: materials.materials, textures: materials.textures, ..Scene::empty() })
+    Some(Scene { positions, surfaces, materials: materials.materials, textures: materials.images.textures, ..Scene::empty() })
 }
 
 /// Has `tobj` read what the scan wrote.

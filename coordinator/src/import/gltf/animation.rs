@@ -1,0 +1,205 @@
+//! Animations at one moment: they overwrite what nodes say of themselves, one animation after the other in the order of the file.
+//!
+//! Of each sampler only the two key frames around the moment are read. Before the first and behind the last the value stays (glTF 2.0,
+//! section 3.11). Without a time nothing happens: the rest pose.
+
+use super::{
+    accessor::{Accessor, Accessors, Component},
+    json::Json,
+    node::{Graph, Local, unit},
+    report::Report,
+};
+use glam::{DQuat, DVec3};
+use kiln_proto::math;
+
+/// How values between key frames come about.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Interpolation {
+    Step,
+    Linear,
+    CubicSpline,
+}
+
+/// A checked sampler.
+struct Sampler<'s, 'd> {
+    times: &'s Accessor<'d>,
+    values: &'s Accessor<'d>,
+    interpolation: Interpolation,
+}
+
+/// A moment within a sampler: the key frames around it, how far between them it is, and the seconds between them.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Moment {
+    before: usize,
+    after: usize,
+    share: f64,
+    seconds: f64,
+}
+
+/// Checks all animations, and applies them where there is a time.
+pub(super) fn apply(root: Json<'_>, graph: &mut Graph<'_>, accessors: &Accessors<'_, '_>, time: Option<f64>, report: &mut Report<'_>) {
+    let animations = report.objects(root, "animations");
+    if let (Some(first), None) = (animations.first(), time) {
+        let message =
+            format!("the file has {} animations; the rest pose is imported (a time in seconds chooses another)", animations.len());
+        report.warn(*first, message);
+    }
+    for animation in animations {
+        let samplers: Vec<Option<Sampler<'_, '_>>> =
+            report.objects(animation, "samplers").into_iter().map(|json| sampler(json, accessors, report)).collect();
+        for channel in report.objects(animation, "channels") {
+            let index = report.required(channel, "sampler").and_then(|at| report.index_at(at, "sampler", samplers.len()));
+            let target = report.required(channel, "target");
+            if let (Some(Some(sampler)), Some(target)) = (index.map(|i| &samplers[i]), target) {
+                apply_channel(target, sampler, graph, accessors, time, report);
+            }
+        }
+    }
+}
+
+fn sampler<'s, 'd>(json: Json<'_>, accessors: &'s Accessors<'d, '_>, report: &mut Report<'_>) -> Option<Sampler<'s, 'd>> {
+    let (input, output) = (report.required(json, "input"), report.required(json, "output"));
+    let interpolation = match report.string(json, "interpolation").as_deref() {
+        None | Some("LINEAR") => Interpolation::Linear,
+        Some("STEP") => Interpolation::Step,
+        Some("CUBICSPLINE") => Interpolation::CubicSpline,
+        Some(other) => {
+            report.error(json, format!("`{other}` is no interpolation; there are LINEAR, STEP and CUBICSPLINE"));
+            return None;
+        }
+    };
+    let input = input?;
+    let (times, values) = (accessors.at(input, report)?, accessors.at(output?, report)?);
+    if times.kind() != "SCALAR" || times.component != Component::F32 {
+        report.error(input, "the times of a sampler are floats of type SCALAR");
+        return None;
+    }
+    let mut before = f64::NEG_INFINITY;
+    for (i, [t]) in times.all(&accessors.buffers).enumerate() {
+        if t < 0.0 || t <= before {
+            report.error(input, format!("time {i} is {t}; times must be 0 or more and rise"));
+            return None;
+        }
+        before = t;
+    }
+    Some(Sampler { times, values, interpolation })
+}
+
+fn apply_channel(
+    target: Json<'_>,
+    sampler: &Sampler<'_, '_>,
+    graph: &mut Graph<'_>,
+    accessors: &Accessors<'_, '_>,
+    time: Option<f64>,
+    report: &mut Report<'_>,
+) {
+    let path = report.string(target, "path").unwrap_or_default();
+    if path == "pointer" || target.extension("KHR_animation_pointer").is_some() {
+        report.count(target, "animations of other things than nodes (KHR_animation_pointer) were skipped");
+        return;
+    }
+    let Some(index) = report.index(target, "node", "node", graph.nodes.len()) else { return };
+    let node = &graph.nodes[index];
+    let (kind, width) = match path.as_ref() {
+        "translation" | "scale" => ("VEC3", 1),
+        "rotation" => ("VEC4", 1),
+        "weights" => ("SCALAR", (sampler.values.count / sampler.times.count / sampler.keys()).max(1)),
+        other => return report.error(target, format!("`{other}` cannot be animated; translation, rotation, scale and weights can")),
+    };
+    let wanted = sampler.times.count * sampler.keys() * width;
+    if sampler.values.kind() != kind || sampler.values.count != wanted {
+        let (found, count) = (sampler.values.kind(), sampler.values.count);
+        return report
+            .error(target, format!("{wanted} values of type {kind} are expected for `{path}`; there are {count} of type {found}"));
+    }
+    if path != "weights" && matches!(node.local, Local::Matrix(_)) && node.json.get("matrix").is_some() {
+        return report.error(target, format!("node {index} has a `matrix`, so its {path} cannot be animated"));
+    }
+    let Some(time) = time else { return };
+    let moment = sampler.moment(accessors, time);
+    let value = |k: usize| -> [f64; 4] { sampler.value(accessors, moment, width, k, path == "rotation") };
+    let node = &mut graph.nodes[index];
+    match (path.as_ref(), &mut node.local) {
+        ("weights", _) => node.weights = Some((0..width).map(|k| value(k)[0]).collect()),
+        ("translation", Local::Parts { translation, .. }) => *translation = DVec3::from_slice(&value(0)),
+        ("scale", Local::Parts { scale, .. }) => *scale = DVec3::from_slice(&value(0)),
+        ("rotation", Local::Parts { rotation, .. }) => *rotation = unit(DQuat::from_array(value(0))),
+        _ => {}
+    }
+}
+
+impl Sampler<'_, '_> {
+    /// Values per key frame and target.
+    fn keys(&self) -> usize {
+        if self.interpolation == Interpolation::CubicSpline { 3 } else { 1 }
+    }
+
+    fn moment(&self, accessors: &Accessors<'_, '_>, time: f64) -> Moment {
+        let at = |i: usize| self.times.get::<1>(&accessors.buffers, i)[0];
+        // The first key frame behind the moment, by bisection: times rise.
+        let (mut low, mut high) = (0, self.times.count);
+        while low < high {
+            let middle = low + (high - low) / 2;
+            if at(middle) <= time { low = middle + 1 } else { high = middle }
+        }
+        let before = low.saturating_sub(1);
+        let after = low.min(self.times.count - 1);
+        let seconds = at(after) - at(before);
+        let share = if seconds > 0.0 { ((time - at(before)) / seconds).clamp(0.0, 1.0) } else { 0.0 };
+        Moment { before, after, share, seconds }
+    }
+
+    /// Value `k` of `width` at a moment.
+    fn value(&self, accessors: &Accessors<'_, '_>, at: Moment, width: usize, k: usize, is_rotation: bool) -> [f64; 4] {
+        let read = |i: usize| self.values.get::<4>(&accessors.buffers, i);
+        if self.interpolation == Interpolation::CubicSpline {
+            // In-tangents, values and out-tangents of a key frame follow each other.
+            let key = |frame: usize, part: usize| read((frame * 3 + part) * width + k);
+            let (t, d) = (at.share, at.seconds);
+            let (t2, t3) = (t * t, t * t * t);
+            let weights = [2.0 * t3 - 3.0 * t2 + 1.0, d * (t3 - 2.0 * t2 + t), -2.0 * t3 + 3.0 * t2, d * (t3 - t2)];
+            let points = [key(at.before, 1), key(at.before, 2), key(at.after, 1), key(at.after, 0)];
+            return std::array::from_fn(|c| weights.iter().zip(&points).map(|(w, p)| w * p[c]).sum());
+        }
+        let (a, b) = (read(at.before * width + k), read(at.after * width + k));
+        match self.interpolation {
+            Interpolation::Step if at.share < 1.0 => a,
+            Interpolation::Step => b,
+            _ if is_rotation => slerp(DQuat::from_array(a), DQuat::from_array(b), at.share).to_array(),
+            _ => std::array::from_fn(|c| a[c] + (b[c] - a[c]) * at.share),
+        }
+    }
+}
+
+/// Along the shorter great arc (glTF 2.0, appendix C.4), with functions that are the same on every machine.
+fn slerp(a: DQuat, b: DQuat, share: f64) -> DQuat {
+    let (a, b) = (unit(a), unit(b));
+    let cosine = a.dot(b);
+    let b = if cosine < 0.0 { -b } else { b };
+    let cosine = cosine.abs().min(1.0);
+    if cosine > 0.999_9 {
+        return a * (1.0 - share) + b * share;
+    }
+    let angle = math::acos(cosine);
+    let sine = |v: f64| math::sin_cos_degrees(v.to_degrees()).0;
+    let whole = sine(angle);
+    a * (sine((1.0 - share) * angle) / whole) + b * (sine(share * angle) / whole)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn slerp_turns_evenly_by_the_shorter_way() {
+        let turn = |degrees: f64| {
+            let (s, c) = math::sin_cos_degrees(degrees / 2.0);
+            DQuat::from_xyzw(0.0, s, 0.0, c)
+        };
+        for (from, to, share, expected) in [(0.0, 90.0, 1.0 / 3.0, 30.0), (10.0, 10.5, 0.5, 10.25), (-20.0, 340.5, 0.5, -19.75)] {
+            let found = unit(slerp(turn(from), turn(to), share));
+            assert!(found.dot(turn(expected)).abs() > 1.0 - 1e-9, "{from} to {to}");
+        }
+        assert!(slerp(turn(0.0), -turn(90.0), 0.5).dot(turn(45.0)).abs() > 1.0 - 1e-9);
+    }
+}

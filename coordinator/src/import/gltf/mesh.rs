@@ -1,0 +1,305 @@
+//! Meshes as the file describes them, checked whether a node shows them or not: which accessor is what, and that indices stay within.
+
+use super::{
+    accessor::{Accessor, Accessors, Component},
+    json::Json,
+    report::{ANY, Report},
+};
+use kiln_proto::limits;
+
+/// A mesh.
+pub(super) struct Mesh<'s, 'd> {
+    /// Its description.
+    pub(super) json: Json<'d>,
+    /// What of it can be shown.
+    pub(super) primitives: Vec<Primitive<'s, 'd>>,
+    /// Default weights of its morph targets.
+    pub(super) weights: Vec<f64>,
+}
+
+/// How vertices become triangles.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Topology {
+    Triangles,
+    Strip,
+    Fan,
+}
+
+/// One piece of a mesh: triangles of one material.
+pub(super) struct Primitive<'s, 'd> {
+    /// Its description.
+    pub(super) json: Json<'d>,
+    topology: Topology,
+    indices: Option<&'s Accessor<'d>>,
+    /// Vertex positions.
+    pub(super) positions: &'s Accessor<'d>,
+    /// Vertex normals.
+    pub(super) normals: Option<&'s Accessor<'d>>,
+    /// Whether it brings tangents, which are not read.
+    pub(super) has_tangents: bool,
+    /// Texture coordinates by set.
+    pub(super) uvs: Vec<Option<&'s Accessor<'d>>>,
+    /// Vertex colours.
+    pub(super) colors: Option<&'s Accessor<'d>>,
+    /// Joints and their weights, four at a time.
+    pub(super) influences: Vec<(&'s Accessor<'d>, &'s Accessor<'d>)>,
+    /// Morph targets: displacements of positions and normals.
+    pub(super) targets: Vec<[Option<&'s Accessor<'d>>; 2]>,
+    /// Index of its material.
+    pub(super) material: Option<usize>,
+}
+
+/// What an attribute may be made of.
+struct Form {
+    kinds: &'static [&'static str],
+    components: &'static [Component],
+    /// Whether integers must be normalized.
+    normalized: bool,
+}
+
+const INTEGERS_AND_FLOATS: &[Component] = &[Component::F32, Component::I8, Component::U8, Component::I16, Component::U16];
+/// Positions, normals and texture coordinates may be integers by KHR_mesh_quantization.
+const VECTOR: Form = Form { kinds: &["VEC3"], components: INTEGERS_AND_FLOATS, normalized: false };
+const COORDINATES: Form = Form { kinds: &["VEC2"], components: INTEGERS_AND_FLOATS, normalized: false };
+const COLOR: Form = Form { kinds: &["VEC3", "VEC4"], components: &[Component::F32, Component::U8, Component::U16], normalized: true };
+const JOINTS: Form = Form { kinds: &["VEC4"], components: &[Component::U8, Component::U16], normalized: false };
+const WEIGHTS: Form = Form { kinds: &["VEC4"], components: &[Component::F32, Component::U8, Component::U16], normalized: true };
+const INDICES: Form = Form { kinds: &["SCALAR"], components: &[Component::U8, Component::U16, Component::U32], normalized: false };
+
+/// Reads all meshes.
+pub(super) fn load<'s, 'd>(
+    root: Json<'d>,
+    accessors: &'s Accessors<'d, '_>,
+    materials: usize,
+    report: &mut Report<'_>,
+) -> Vec<Mesh<'s, 'd>> {
+    report.objects(root, "meshes").into_iter().map(|json| mesh(json, accessors, materials, report)).collect()
+}
+
+fn mesh<'s, 'd>(json: Json<'d>, accessors: &'s Accessors<'d, '_>, materials: usize, report: &mut Report<'_>) -> Mesh<'s, 'd> {
+    if report.required(json, "primitives").is_some_and(|list| list.items().next().is_none()) {
+        report.error(json, "the mesh has no primitives");
+    }
+    let list = report.objects(json, "primitives");
+    let primitives: Vec<Primitive<'_, '_>> = list.into_iter().filter_map(|p| primitive(p, accessors, materials, report)).collect();
+    let weights: Vec<f64> = report.list(json, "weights").into_iter().filter_map(|w| report.number_at(w, &ANY)).collect();
+    for p in &primitives {
+        let (first, own) = (primitives[0].targets.len(), p.targets.len());
+        if own != first {
+            report.error(p.json, format!("the primitive has {own} morph targets, the first of its mesh {first}"));
+        } else if !weights.is_empty() && weights.len() != own {
+            report.error(p.json, format!("the mesh has {} weights for {own} morph targets", weights.len()));
+        }
+    }
+    Mesh { json, primitives, weights }
+}
+
+fn primitive<'s, 'd>(
+    json: Json<'d>,
+    accessors: &'s Accessors<'d, '_>,
+    materials: usize,
+    report: &mut Report<'_>,
+) -> Option<Primitive<'s, 'd>> {
+    let material = report.index(json, "material", "material", materials);
+    let topology = match report.integer(json, "mode", 4) {
+        0..=3 => {
+            report.count(json, "primitives of points or lines were ignored, only triangles are surfaces");
+            return None;
+        }
+        4 => Topology::Triangles,
+        5 => Topology::Strip,
+        6 => Topology::Fan,
+        other => {
+            report.error(json, format!("the mode {other} is none; modes go from 0 to 6"));
+            return None;
+        }
+    };
+    let attributes = report.required(json, "attributes")?;
+    let Some(at) = attributes.get("POSITION") else {
+        report.warn(attributes, "the primitive has no POSITION and was left out");
+        return None;
+    };
+    let positions = of_form(at, &VECTOR, None, accessors, report)?;
+    if json.extension("KHR_draco_mesh_compression").is_some() && !positions.has_bytes() {
+        report
+            .error(json, "the primitive is compressed with KHR_draco_mesh_compression only, which is not decoded; export it uncompressed");
+        return None;
+    }
+    if json.extension("KHR_materials_variants").is_some() {
+        report.count(json, "primitives with material variants were imported in their default material (KHR_materials_variants)");
+    }
+    let mut primitive = Primitive {
+        json,
+        topology,
+        indices: None,
+        positions,
+        normals: None,
+        has_tangents: false,
+        uvs: vec![],
+        colors: None,
+        influences: vec![],
+        targets: vec![],
+        material,
+    };
+    primitive.attributes(attributes, accessors, report)?;
+    primitive.influences = influences(attributes, positions.count, accessors, report);
+    primitive.targets = targets(json, positions.count, accessors, report)?;
+    if let Some(at) = json.get("indices") {
+        primitive.indices = Some(of_form(at, &INDICES, None, accessors, report)?);
+        primitive.check_indices(at, accessors, report)?;
+    }
+    primitive.check_count(report);
+    Some(primitive)
+}
+
+impl<'s, 'd> Primitive<'s, 'd> {
+    /// Reads what lies beside positions.
+    fn attributes(&mut self, attributes: Json<'d>, accessors: &'s Accessors<'d, '_>, report: &mut Report<'_>) -> Option<()> {
+        let count = Some(self.positions.count);
+        for (name, at) in attributes.members() {
+            let number = name.rsplit_once('_').and_then(|(_, n)| n.parse::<usize>().ok());
+            match (name.as_ref(), number) {
+                ("NORMAL", _) => self.normals = Some(of_form(at, &VECTOR, count, accessors, report)?),
+                ("TANGENT", _) => self.has_tangents = true,
+                ("COLOR_0", _) => self.colors = Some(of_form(at, &COLOR, count, accessors, report)?),
+                (set, Some(n)) if set.starts_with("TEXCOORD_") && n < limits::UV_SETS => {
+                    self.uvs.resize(self.uvs.len().max(n + 1), None);
+                    self.uvs[n] = Some(of_form(at, &COORDINATES, count, accessors, report)?);
+                }
+                (set, Some(_)) if set.starts_with("TEXCOORD_") => {
+                    report.count(at, "sets of texture coordinates beyond the eighth were ignored");
+                }
+                (set, Some(_)) if set.starts_with("COLOR_") => report.count(at, "sets of vertex colours beyond the first were ignored"),
+                ("POSITION", _) => {}
+                (own, _) if own.starts_with('_') || own.starts_with("JOINTS_") || own.starts_with("WEIGHTS_") => {}
+                _ => report.count(at, "attributes that glTF does not know were ignored"),
+            }
+        }
+        Some(())
+    }
+
+    /// Indices must name vertices, and none may be the restart value of its type.
+    fn check_indices(&self, at: Json<'_>, accessors: &Accessors<'_, '_>, report: &mut Report<'_>) -> Option<()> {
+        let (indices, vertices) = (self.indices?, self.positions.count);
+        let restart = match indices.component {
+            Component::U8 => 255,
+            Component::U16 => 65_535,
+            _ => u32::MAX as usize,
+        };
+        for (i, [v]) in indices.all(&accessors.buffers).enumerate() {
+            let v = v as usize;
+            if v == restart {
+                report.error(at, format!("index {i} is {v}, the primitive restart value, which glTF forbids"));
+                return None;
+            }
+            if v >= vertices {
+                report.error(at, format!("index {i} is {v}, but the primitive has {vertices} vertices"));
+                return None;
+            }
+        }
+        Some(())
+    }
+
+    fn check_count(&self, report: &mut Report<'_>) {
+        let corners = self.corner_count();
+        if corners < 3 || (self.topology == Topology::Triangles && corners % 3 != 0) {
+            report.count(self.json, "primitives whose last corners make no whole triangle (those were ignored)");
+        }
+    }
+
+    fn corner_count(&self) -> usize {
+        self.indices.unwrap_or(self.positions).count
+    }
+
+    /// How many triangles it describes.
+    pub(super) fn triangle_count(&self) -> usize {
+        match self.topology {
+            Topology::Triangles => self.corner_count() / 3,
+            Topology::Strip | Topology::Fan => self.corner_count().saturating_sub(2),
+        }
+    }
+
+    /// Its triangles as vertex indices, counter-clockwise from the front (glTF 2.0, section 3.7.2.1).
+    pub(super) fn triangles<'a>(&'a self, accessors: &'a Accessors<'d, '_>) -> impl Iterator<Item = [usize; 3]> + use<'a, 's, 'd> {
+        let corner = move |i: usize| self.indices.map_or(i, |indices| indices.get::<1>(&accessors.buffers, i)[0] as usize);
+        let topology = self.topology;
+        let corners = move |i: usize| match topology {
+            Topology::Triangles => [3 * i, 3 * i + 1, 3 * i + 2],
+            Topology::Strip => [i, i + 1 + i % 2, i + 2 - i % 2],
+            Topology::Fan => [i + 1, i + 2, 0],
+        };
+        (0..self.triangle_count()).map(move |i| corners(i).map(corner))
+    }
+}
+
+/// The accessor that an attribute names, if it is of the form that the attribute wants.
+fn of_form<'s, 'd>(
+    at: Json<'_>,
+    form: &Form,
+    count: Option<usize>,
+    accessors: &'s Accessors<'d, '_>,
+    report: &mut Report<'_>,
+) -> Option<&'s Accessor<'d>> {
+    let found = accessors.at(at, report)?;
+    if !form.kinds.contains(&found.kind()) {
+        report.error(at, format!("an accessor of type {} is expected here, not {}", form.kinds.join(" or "), found.kind()));
+        return None;
+    }
+    if !form.components.contains(&found.component) {
+        report.error(at, format!("the component type {} is not allowed here", found.component.code()));
+        return None;
+    }
+    if form.normalized && found.component != Component::F32 && !found.normalized {
+        report.error(at, "integers must be `normalized` here");
+        return None;
+    }
+    if let Some(count) = count.filter(|count| *count != found.count) {
+        report.error(at, format!("the accessor has {} elements, but the primitive has {count} vertices", found.count));
+        return None;
+    }
+    Some(found)
+}
+
+fn influences<'s, 'd>(
+    attributes: Json<'d>,
+    vertices: usize,
+    accessors: &'s Accessors<'d, '_>,
+    report: &mut Report<'_>,
+) -> Vec<(&'s Accessor<'d>, &'s Accessor<'d>)> {
+    let mut found = vec![];
+    for set in 0.. {
+        let (joints, weights) = (attributes.get(&format!("JOINTS_{set}")), attributes.get(&format!("WEIGHTS_{set}")));
+        match (joints, weights) {
+            (None, None) => break,
+            (Some(joints), Some(weights)) => {
+                let joints = of_form(joints, &JOINTS, Some(vertices), accessors, report);
+                found.extend(joints.zip(of_form(weights, &WEIGHTS, Some(vertices), accessors, report)));
+            }
+            (Some(at), None) | (None, Some(at)) => {
+                report.error(at, format!("JOINTS_{set} and WEIGHTS_{set} come together or not at all"));
+                break;
+            }
+        }
+    }
+    found
+}
+
+fn targets<'s, 'd>(
+    json: Json<'d>,
+    vertices: usize,
+    accessors: &'s Accessors<'d, '_>,
+    report: &mut Report<'_>,
+) -> Option<Vec<[Option<&'s Accessor<'d>>; 2]>> {
+    let mut found = vec![];
+    for target in report.objects(json, "targets") {
+        let mut read = |name: &str, report: &mut Report<'_>| match target.get(name) {
+            Some(at) => of_form(at, &VECTOR, Some(vertices), accessors, report).map(Some),
+            None => Some(None),
+        };
+        found.push([read("POSITION", report)?, read("NORMAL", report)?]);
+        if target.members().any(|(name, _)| name.starts_with("TEXCOORD_") || name.starts_with("COLOR_")) {
+            report.count(target, "morph targets of texture coordinates or colours were ignored, only shape is morphed");
+        }
+    }
+    Some(found)
+}

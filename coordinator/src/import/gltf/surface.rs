@@ -1,0 +1,232 @@
+//! From nodes with meshes to surfaces: each primitive of each node is one, in world space, named after its node.
+//!
+//! Copies are made because every copy needs a light field of its own. Their number is known before the first is made, so a file of a few
+//! kilobytes that asks for a billion triangles is refused at once.
+
+use super::{
+    accessor::Accessors,
+    deform::{Shape, Skin},
+    instance,
+    json::Json,
+    material::{Chosen, Materials},
+    mesh::{Mesh, Primitive},
+    node::{Graph, Node},
+    report::Report,
+};
+use crate::import::{
+    name::{Stems, unique},
+    weld::Weld,
+};
+use glam::{DMat4, DVec3};
+use kiln_proto::{
+    limits,
+    scene::{Part, Surface, Triangle},
+};
+use std::collections::BTreeSet;
+
+/// A vertex that no triangle has used yet.
+const UNUSED: u32 = u32::MAX;
+
+/// What nodes refer to.
+pub(super) struct Source<'s, 'd, 'b> {
+    pub(super) accessors: &'s Accessors<'d, 'b>,
+    pub(super) meshes: &'s [Mesh<'s, 'd>],
+    pub(super) skins: &'s [Skin<'s, 'd>],
+    pub(super) graph: &'s Graph<'d>,
+}
+
+/// The surfaces of a scene so far.
+#[derive(Default)]
+pub(super) struct Surfaces {
+    /// Their vertices.
+    pub(super) weld: Weld,
+    /// The surfaces.
+    pub(super) surfaces: Vec<Surface>,
+    /// Whether each is seen from both sides.
+    pub(super) two_sided: Vec<bool>,
+    names: BTreeSet<String>,
+    stems: Stems,
+    triangles: usize,
+}
+
+/// A primitive in world space.
+struct Placed<'p, 's, 'd> {
+    primitive: &'p Primitive<'s, 'd>,
+    shape: Shape,
+    /// Whether its fronts became backs.
+    mirrored: bool,
+    /// Texture coordinates by set, v up; an absent set is empty.
+    uvs: Vec<Vec<[f32; 2]>>,
+    /// Colours; empty where all are opaque white.
+    colors: Vec<[f32; 4]>,
+}
+
+impl Surfaces {
+    /// Adds what one node shows; `None` where that was an error.
+    pub(super) fn add(
+        &mut self,
+        node: &Node<'_>,
+        source: &Source<'_, '_, '_>,
+        materials: &mut Materials<'_, '_>,
+        report: &mut Report<'_>,
+    ) -> Option<()> {
+        let Some(index) = node.mesh else { return Some(()) };
+        let mesh = &source.meshes[index];
+        let copies = instance::transforms(node, source.accessors, report)?;
+        let each: usize = mesh.primitives.iter().map(Primitive::triangle_count).sum();
+        self.triangles = self.triangles.saturating_add(each.saturating_mul(copies.len()));
+        let surfaces = self.surfaces.len().saturating_add(mesh.primitives.len().saturating_mul(copies.len()));
+        for (what, found, most) in [("triangles", self.triangles, limits::TRIANGLES), ("surfaces", surfaces, limits::SURFACES)] {
+            if found > most {
+                report.error(node.json, format!("with this node the scene has {found} {what}; at most {most} are allowed"));
+                return None;
+            }
+        }
+        let name = surface_name(node.json, mesh.json, index);
+        for copy in copies {
+            for primitive in &mesh.primitives {
+                let placed = place(node, node.world * copy, mesh, primitive, source, report)?;
+                let chosen = materials.choose(primitive.material, mean(&placed.colors), report);
+                let wanted = match mesh.primitives.len() {
+                    1 => name.clone(),
+                    _ => format!("{name}.{}", materials.name(primitive.material)),
+                };
+                self.surface(&wanted, &placed, &chosen, source.accessors, report);
+            }
+        }
+        Some(())
+    }
+
+    fn surface(
+        &mut self,
+        wanted: &str,
+        placed: &Placed<'_, '_, '_>,
+        chosen: &Chosen,
+        accessors: &Accessors<'_, '_>,
+        report: &mut Report<'_>,
+    ) {
+        let json = placed.primitive.json;
+        say_what_is_missing(placed, chosen, report);
+        let mut surface = Surface { uv_sets: vec![vec![]; placed.uvs.len()], ..Surface::default() };
+        let mut places = vec![UNUSED; placed.shape.positions.len()];
+        for (polygon, corners) in placed.primitive.triangles(accessors).enumerate() {
+            let [a, b, c] = corners;
+            let corners = if placed.mirrored { [a, c, b] } else { corners };
+            let ids = corners.map(|v| {
+                if places[v] == UNUSED {
+                    places[v] = self.weld.positions.id(placed.shape.positions[v].as_vec3().to_array());
+                }
+                places[v]
+            });
+            if let Err(left) = self.weld.triangle(ids) {
+                report.count(json, left.words());
+                continue;
+            }
+            surface.triangles.push(Triangle { corners: ids, polygon: polygon as u32 });
+            self.corners(&mut surface, placed, corners, report);
+        }
+        if surface.triangles.is_empty() {
+            report.count(json, "primitives without any triangle left were dropped");
+            return;
+        }
+        let wanted: String = wanted.chars().take(limits::NAME_BYTES / 8).collect();
+        surface.name = unique(&wanted, |candidate| self.names.insert(candidate.to_owned()));
+        surface.file_stem = self.stems.take(&surface.name);
+        surface.parts = vec![Part::plain(surface.name.clone(), chosen.id, surface.triangles.len())];
+        self.surfaces.push(surface);
+        self.two_sided.push(chosen.two_sided);
+    }
+
+    /// What belongs to the corners of the triangle that was added last.
+    fn corners(&mut self, surface: &mut Surface, placed: &Placed<'_, '_, '_>, corners: [usize; 3], report: &mut Report<'_>) {
+        for (set, uvs) in surface.uv_sets.iter_mut().zip(&placed.uvs) {
+            set.push((!uvs.is_empty()).then(|| corners.map(|v| uvs[v])));
+        }
+        if !placed.colors.is_empty() {
+            surface.colors.push(corners.map(|v| self.weld.colors.id(placed.colors[v])));
+        }
+        if !placed.shape.normals.is_empty() {
+            let [a, b, c] = corners.map(|v| placed.shape.positions[v]);
+            let flat = (b - a).cross(c - a);
+            let normals = corners.map(|v| {
+                placed.shape.normals[v].try_normalize().filter(|n| n.is_finite()).unwrap_or_else(|| {
+                    report.count(placed.primitive.json, "normals without a length were replaced by those of their triangles");
+                    flat.normalize_or(DVec3::Y)
+                })
+            });
+            surface.normals.push(normals.map(|n| self.weld.normals.id(n.as_vec3().to_array())));
+        }
+    }
+}
+
+fn place<'p, 's, 'd>(
+    node: &Node<'_>,
+    world: DMat4,
+    mesh: &Mesh<'_, '_>,
+    primitive: &'p Primitive<'s, 'd>,
+    source: &Source<'_, '_, '_>,
+    report: &mut Report<'_>,
+) -> Option<Placed<'p, 's, 'd>> {
+    let (accessors, json) = (source.accessors, primitive.json);
+    let weights = node.weights.as_ref().unwrap_or(&mesh.weights);
+    if !weights.is_empty() && weights.len() != primitive.targets.len() {
+        let message = format!("{} weights are given for the {} morph targets of the mesh", weights.len(), primitive.targets.len());
+        report.error(node.json, message);
+        return None;
+    }
+    let mut shape = Shape::read(primitive, weights, accessors);
+    let mirrored = match node.skin.filter(|_| !primitive.influences.is_empty()) {
+        Some(skin) => shape.bend(primitive, &source.skins[skin], source.graph, accessors, report)?,
+        None => shape.place(world),
+    };
+    if shape.positions.iter().any(|p| !p.is_finite() || p.abs().max_element() > f64::from(f32::MAX)) {
+        report.error(json, "a vertex lies where single precision does not reach, after the transforms of its node");
+        return None;
+    }
+    let uvs = primitive.uvs.iter().map(|set| set.map(|set| set.all(&accessors.buffers).map(upright).collect()).unwrap_or_default());
+    let uvs = uvs.collect();
+    Some(Placed { primitive, shape, mirrored, uvs, colors: colors(primitive, accessors, report) })
+}
+
+/// glTF counts v from the top of an image, a scene from the bottom.
+fn upright([u, v]: [f64; 2]) -> [f32; 2] {
+    [u as f32 + 0.0, (1.0 - v) as f32 + 0.0]
+}
+
+fn colors(primitive: &Primitive<'_, '_>, accessors: &Accessors<'_, '_>, report: &mut Report<'_>) -> Vec<[f32; 4]> {
+    let Some(found) = primitive.colors else { return vec![] };
+    let is_opaque = found.width() == 3;
+    let mut clamped = 0;
+    let read = found.all::<4>(&accessors.buffers).map(|mut color| {
+        if is_opaque {
+            color[3] = 1.0;
+        }
+        clamped += u64::from(color.iter().any(|c| !(0.0..=1.0).contains(c)));
+        color.map(|c| c.clamp(0.0, 1.0) as f32)
+    });
+    let colors: Vec<[f32; 4]> = read.collect();
+    report.count_many(primitive.json, "vertex colours outside [0, 1] were clamped", clamped);
+    if colors.iter().all(|c| *c == [1.0; 4]) { vec![] } else { colors }
+}
+
+/// The mean colour; `None` where there are none.
+fn mean(colors: &[[f32; 4]]) -> Option<[f32; 3]> {
+    let sum = colors.iter().fold(DVec3::ZERO, |sum, [r, g, b, _]| sum + DVec3::new(f64::from(*r), f64::from(*g), f64::from(*b)));
+    (!colors.is_empty()).then(|| (sum / colors.len() as f64).as_vec3().to_array())
+}
+
+fn say_what_is_missing(placed: &Placed<'_, '_, '_>, chosen: &Chosen, report: &mut Report<'_>) {
+    let json = placed.primitive.json;
+    if chosen.sets.iter().any(|set| placed.uvs.get(*set as usize).is_none_or(Vec::is_empty)) {
+        report.count(json, "primitives lack texture coordinates that their material looks up; the lower left texel is taken");
+    }
+    if chosen.has_normal_map && placed.primitive.has_tangents {
+        report.count(json, "tangents of primitives with a normal map were not read; they are derived from texture coordinates");
+    }
+}
+
+/// The name of a node, else of its mesh, else a number.
+fn surface_name(node: Json<'_>, mesh: Json<'_>, index: usize) -> String {
+    let named = [node, mesh].into_iter().find_map(|json| json.get("name")?.string().filter(|n| !n.trim().is_empty()));
+    named.map_or_else(|| format!("mesh{index}"), |name| name.into_owned())
+}
