@@ -13,21 +13,29 @@ const MAX_WARNINGS: usize = 100;
 pub(super) struct At<'a> {
     file: &'a str,
     line: Option<u32>,
+    column: Option<u32>,
 }
 
 impl<'a> At<'a> {
     /// A line, from 1, of a file.
     pub(super) fn line(file: &'a str, line: u32) -> Self {
-        Self { file, line: Some(line) }
+        Self { file, line: Some(line), column: None }
     }
 
     /// A file as a whole.
     pub(super) fn file(file: &'a str) -> Self {
-        Self { file, line: None }
+        Self { file, line: None, column: None }
+    }
+
+    /// A column, from 1, of a line, from 1. It is said in the message: a [`Problem`] has lines.
+    pub(super) fn column(file: &'a str, line: u32, column: u32) -> Self {
+        Self { file, line: Some(line), column: Some(column) }
     }
 
     fn problem(self, message: impl Into<String>) -> Problem {
-        Problem { message: message.into(), file: Some(self.file.to_owned()), line: self.line }
+        let message = message.into();
+        let message = if let Some(column) = self.column { format!("column {column}: {message}") } else { message };
+        Problem { message, file: Some(self.file.to_owned()), line: self.line }
     }
 }
 
@@ -73,6 +81,18 @@ impl Findings {
     /// Counts something that may happen a million times; reported as `what: N, the first here`.
     pub(super) fn count(&mut self, at: At<'_>, what: &'static str) {
         self.counted.entry(what).or_insert_with(|| (at.problem(""), 0)).1 += 1;
+    }
+
+    /// Makes errors of all warnings so far: where nothing is left, what was left out is the reason.
+    pub(super) fn promote(&mut self) {
+        let warnings = std::mem::take(self).into_parts();
+        self.errors = warnings.0;
+        warnings.1.into_iter().for_each(|w| self.push_error(w));
+    }
+
+    fn into_parts(mut self) -> (Vec<Problem>, Vec<Problem>) {
+        let errors = std::mem::take(&mut self.errors);
+        (errors, self.into_warnings())
     }
 
     pub(super) fn has_errors(&self) -> bool {

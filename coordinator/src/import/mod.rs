@@ -10,12 +10,15 @@ mod environment;
 mod findings;
 pub mod format;
 mod gltf;
+mod group;
 mod images;
+pub mod mesh;
 mod name;
 pub mod obj;
 mod texture;
 mod two_sided;
 mod weld;
+mod x3d;
 
 pub use bundle::{Bundle, BundlePath, Content, Part};
 
@@ -23,6 +26,9 @@ use crate::records::{Problem, SceneStatistics};
 use findings::{At, Findings};
 use format::Format;
 use kiln_proto::{limits, options::ImportOptions, scene::Scene};
+
+/// The key of the warning that a scene has no light, which is said once.
+const NO_LIGHT: &str = "no light";
 
 /// What an import yields.
 #[derive(Debug, Clone, PartialEq)]
@@ -58,40 +64,57 @@ fn import(bundle: &Bundle, options: &ImportOptions, findings: &mut Findings) -> 
         findings.error(At::file(main.as_str()), format!("the option {bad}"));
         return None;
     }
-    let bytes = match bundle.read(main, limits::TEXT_BYTES) {
-        Ok(bytes) => bytes,
-        Err(problem) => {
-            findings.push_error(problem);
-            return None;
-        }
-    };
-    let mut scene = match format::detect(main.as_str(), &bytes) {
-        Format::Obj => obj::import(bundle, &bytes, findings)?,
-        Format::Gltf => gltf::import(bundle, main, &bytes, options.time, findings)?,
-        Format::Zip => {
-            findings.error(At::file(main.as_str()), "this is a ZIP inside the bundle; send it by itself");
-            return None;
-        }
-        Format::Unsupported(what) => {
-            findings.push_error(format::refusal(main.as_str(), what));
-            return None;
-        }
-    };
+    let mut scene = import_file(bundle, main, options, findings)?;
     if let Some(environment) = environment::import(bundle, options, findings) {
         scene.environment = Some(environment);
     }
     if findings.has_errors() {
         return None;
     }
+    if let Some(group::Grouped { surfaces, atlases }) = group::group(&mut scene) {
+        let message = format!("{surfaces} small surfaces share the textures of {}: {}", atlases.len(), listed(&atlases));
+        findings.warn(At::file(main.as_str()), message);
+    }
     if !scene.has_light() {
-        findings
-            .warn(At::file(main.as_str()), "nothing in the scene emits light (no light, no material in use that shines): it will be black");
+        let message = "nothing in the scene emits light (no light, no environment, no material in use that shines): it will be black";
+        findings.warn_once(At::file(main.as_str()), NO_LIGHT, message);
     }
     if let Err(invalid) = scene.validate() {
         findings.error(At::file(main.as_str()), format!("the scene is not valid: {invalid}"));
         return None;
     }
     Some(scene)
+}
+
+/// The scene of one file of the bundle, the main one or one that it inlines.
+fn import_file(bundle: &Bundle, file: &BundlePath, options: &ImportOptions, findings: &mut Findings) -> Option<Scene> {
+    let bytes = match bundle.read(file, limits::TEXT_BYTES) {
+        Ok(bytes) => bytes,
+        Err(problem) => {
+            findings.push_error(problem);
+            return None;
+        }
+    };
+    match format::detect(file.as_str(), &bytes) {
+        Format::Obj => obj::import(bundle, file, &bytes, findings),
+        Format::Gltf => gltf::import(bundle, file, &bytes, options.time, findings),
+        Format::X3d => x3d::import(bundle, file, &bytes, options, findings),
+        Format::Zip => {
+            findings.error(At::file(file.as_str()), "this is a ZIP inside the bundle; send it by itself");
+            None
+        }
+        Format::Unsupported(what) => {
+            findings.push_error(format::refusal(file.as_str(), what));
+            None
+        }
+    }
+}
+
+/// The first names of a list.
+fn listed(names: &[String]) -> String {
+    const SHOWN: usize = 8;
+    let more = if names.len() > SHOWN { ", …" } else { "" };
+    format!("{}{more}", names[..names.len().min(SHOWN)].join(", "))
 }
 
 /// Counts of a scene.
