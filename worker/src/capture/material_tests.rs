@@ -123,7 +123,7 @@ fn textures_within_a_footprint_are_averaged_as_they_are() {
         let answers = evaluate(&scene, &queries, &settings(r#"{"samples":64,"max_depth":2,"directions":"2x4"}"#), 4);
         let answers: Vec<Answer> = answers.into_iter().map(Result::unwrap).collect();
         let expected = answers.iter().map(|a| f64::from(a.radiance.g)).sum::<f64>() / 1024.0;
-        let variance = answers.iter().map(|a| f64::from(a.stderr.g).powi(2)).sum::<f64>() / (1024.0 * 1024.0);
+        let variance = answers.iter().map(|a| f64::from(a.stderr.g) * f64::from(a.stderr.g)).sum::<f64>() / (1024.0 * 1024.0);
         let (mean, error) = mean_and_error(&texels, k);
         let sigma = (variance + error * error).sqrt();
         assert!((mean - expected).abs() < 4.5 * sigma + 2e-3 * expected, "{k}: {mean} +- {error}, {expected} +- {}", variance.sqrt());

@@ -105,3 +105,35 @@ fn metals_in_a_room_look_as_in_mitsuba() {
 fn dielectrics_in_a_room_look_as_in_mitsuba() {
     compare("dielectric");
 }
+
+#[test]
+fn zz_probe() {
+    use crate::capture::{footprint::Points, hemisphere::{Budget, Views, capture_each, capture, Scratch}, site::Site};
+    let scene = BakeScene::new(room("metal"), Simd::Auto).unwrap();
+    let (index, _) = scene.scene().surface("block_back").unwrap();
+    let p = Vec3::new(2.637835, 1.02161, 1.330668);
+    let d = Vec3::new(-0.8141325, 0.5218922, -0.2545913);
+    let prim = (0..2).map(|t| scene.prim_of(index, t)).find(|prim| {
+        let c = scene.prim(*prim).corners; let n = scene.prim(*prim).frame.normal;
+        (0..3).all(|k| (c[(k + 1) % 3] - c[k]).cross(p - c[k]).dot(n) >= 0.0)
+    }).unwrap();
+    let frame = scene.prim(prim).frame;
+    let wo = frame.to_local(d);
+    let grid = settings("{}").directions.directions();
+    for depth in [2, 3, 4, 5] {
+        for (m, n) in [(1024u32, 64u64), (16384, 16)] {
+            let (mut s, mut s2, mut e, mut e2) = (0.0f64, 0.0f64, 0.0f64, 0.0f64);
+            for seed in 0..n {
+                let site = Site { surface: index, frame, points: Points::Fixed(kiln_proto::texel::SurfacePoint { triangle: prim - scene.prim_of(index, 0), bary: [0.3, 0.3], position: p }), key: crate::sampling::TexelKey::new(seed, 3, 77) };
+                let views = Views::toward(&grid, &[wo]);
+                let mut out = [Rgb::BLACK];
+                capture(&scene, &site, Budget { samples: m, max_depth: depth }, &views, &mut Scratch::default(), &mut out);
+                s += f64::from(out[0].r); s2 += f64::from(out[0].r).powi(2);
+                capture_each(&scene, &site, Budget { samples: m, max_depth: depth }, &views, &mut out);
+                e += f64::from(out[0].r); e2 += f64::from(out[0].r).powi(2);
+            }
+            let f = |s: f64, s2: f64| { let m = s / n as f64; (m, ((s2 / n as f64 - m * m) / (n - 1) as f64).sqrt()) };
+            println!("depth {depth} M {m}: shared {:?} each {:?}", f(s, s2), f(e, e2));
+        }
+    }
+}
