@@ -4,12 +4,15 @@ use crate::error::CommandError;
 use clap::Args;
 use kiln_coordinator::import::Bundle;
 use kiln_proto::options::{ImportOptions, LightUnits, OutsideMap, ProjectorMode, ShadowMode};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// How scene files are read.
 #[derive(Debug, Clone, Args)]
 #[command(next_help_heading = "Import options")]
 pub struct ImportArgs {
+    /// The folder whose files a scene may use; the scene must lie in it [default: the scene's own folder]
+    #[arg(long, value_name = "FOLDER")]
+    root: Option<PathBuf>,
     /// Light from all around: a lat-long map, Radiance HDR or OpenEXR; it need not lie in the scene's folder
     #[arg(long, value_name = "FILE.hdr|.exr")]
     environment: Option<PathBuf>,
@@ -37,10 +40,17 @@ pub struct ImportArgs {
 }
 
 impl ImportArgs {
+    /// The folder whose files a scene may use, where that is not its own.
+    pub fn root(&self) -> Option<&Path> {
+        self.root.as_deref()
+    }
+
     /// Puts the environment into the bundle of a scene and returns the options of its import.
     pub fn pack(&self, bundle: &mut Bundle) -> Result<ImportOptions, CommandError> {
+        let main = Some(bundle.main().to_string());
         let add = |file: &PathBuf| bundle.add(file).map_err(|p| CommandError::work(p.to_string()));
         let options = ImportOptions {
+            main,
             time: self.time,
             environment: self.environment.as_ref().map(add).transpose()?,
             environment_rotation: self.environment_rotation.unwrap_or_default(),

@@ -133,7 +133,7 @@ pub struct Kiln;
 impl Pipeline for Kiln {
     fn import(&self, files: Vec<(String, PathBuf)>, options: &ImportOptions, scratch: &Path) -> Result<Imported, Vec<Problem>> {
         let parts = files.into_iter().map(|(name, path)| Part { name, content: Content::File(path) }).collect();
-        let bundle = Bundle::from_parts(parts, None, scratch).map_err(|problem| vec![problem])?;
+        let bundle = Bundle::from_parts(parts, options.main.as_deref(), scratch).map_err(|problem| vec![problem])?;
         import::import_bundle(&bundle, options)
     }
 

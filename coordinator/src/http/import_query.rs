@@ -18,6 +18,8 @@ macro_rules! upload_query {
         #[into_params(parameter_in = Query)]
         pub(super) struct $name {
             $($(#[$field_meta])* pub $field: $type,)*
+            /// The scene among the files, where several could be it.
+            main: Option<String>,
             /// Seconds at which animations are evaluated; absent: the rest pose.
             time: Option<f64>,
             /// The file of the upload that is the environment: a lat-long map, Radiance HDR or OpenEXR.
@@ -47,6 +49,7 @@ macro_rules! upload_query {
             /// Numbers out of range.
             pub(super) fn options(&self) -> $crate::http::problem::Answer<kiln_proto::options::ImportOptions> {
                 $crate::http::import_query::checked(kiln_proto::options::ImportOptions {
+                    main: self.main.clone(),
                     time: self.time,
                     environment: self.environment.clone(),
                     environment_rotation: self.environment_rotation.unwrap_or_default(),
@@ -80,7 +83,7 @@ pub(super) fn schema() -> serde_json::Value {
         "type": "object",
         "description": "How a scene was read: the query parameters of its upload.",
         "properties": {
-            "time": {"type": "number"}, "environment": {"type": "string"}, "environment_rotation": {"type": "number"},
+            "main": {"type": "string"}, "time": {"type": "number"}, "environment": {"type": "string"}, "environment_rotation": {"type": "number"},
             "environment_intensity": {"type": "number"}, "light_units": word(["x3d", "physical"]), "x3d_shadows": word(["physical", "strict"]),
             "x3d_projectors": word(["surface", "light"]), "x3d_outside_map": word(["lit", "shadowed"]),
         },
@@ -94,6 +97,7 @@ mod tests {
     #[test]
     fn the_schema_has_every_option() {
         let all = ImportOptions {
+            main: Some("a.obj".into()),
             time: Some(1.0),
             environment: Some("a.hdr".into()),
             environment_rotation: 1.0,

@@ -6,7 +6,7 @@
 //! shading, and the two sides of what is seen from both, whose atlases are a pair like the surfaces were. Every texel has the same density
 //! whatever the part, so classes of size would save nothing.
 
-use super::name::{Stems, unique};
+use super::name::{Names, Stems};
 use kiln_proto::scene::{Scene, Surface};
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -47,17 +47,15 @@ pub(super) fn group(scene: &mut Scene) -> Option<Grouped> {
     }
     let grouped: BTreeSet<usize> =
         groups.iter().flatten().flat_map(|front| [Some(*front), back_of.get(front).copied()]).flatten().collect();
-    let mut names: BTreeSet<String> =
-        scene.surfaces.iter().enumerate().filter(|(k, _)| !grouped.contains(k)).map(|(_, s)| s.name.clone()).collect();
+    let kept = scene.surfaces.iter().enumerate().filter(|(k, _)| !grouped.contains(k));
+    let mut names = Names::of(kept.map(|(_, s)| s.name.as_str()));
     let mut out = Grouped { surfaces: groups.iter().map(Vec::len).sum(), atlases: vec![] };
     let mut atlases = vec![];
     for members in &groups {
-        let name = unique("atlas", |name| !names.contains(name) && !names.contains(&format!("{name}~back")));
-        names.insert(name.clone());
+        let name = names.take("atlas");
         let backs: Vec<usize> = members.iter().filter_map(|front| back_of.get(front).copied()).collect();
         let front = join(scene, members, name.clone());
-        let back = (!backs.is_empty()).then(|| join(scene, &backs, format!("{name}~back")));
-        names.extend(back.iter().map(|b| b.name.clone()));
+        let back = (!backs.is_empty()).then(|| join(scene, &backs, names.take(&format!("{name}~back"))));
         out.atlases.push(name);
         atlases.push((front, back));
     }
@@ -165,8 +163,7 @@ fn replace(scene: &mut Scene, grouped: &BTreeSet<usize>, atlases: Vec<(Surface, 
     for surface in &mut kept {
         surface.back_of = surface.back_of.map(|front| moved[front as usize]);
     }
-    let mut stems = Stems::default();
-    kept.iter().for_each(|s| stems.reserve(&s.file_stem));
+    let mut stems = Stems::of(kept.iter().map(|s| s.file_stem.as_str()));
     for (front, back) in atlases {
         let index = kept.len() as u32;
         kept.push(Surface { file_stem: stems.take(&front.name), ..front });

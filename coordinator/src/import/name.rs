@@ -56,11 +56,6 @@ impl Stems {
     pub(super) fn take(&mut self, name: &str) -> String {
         self.0.take_by(&sanitise(name), str::to_lowercase)
     }
-
-    /// Takes a stem that is in use.
-    pub(super) fn reserve(&mut self, stem: &str) {
-        self.taken.insert(stem.to_lowercase());
-    }
 }
 
 fn sanitise(name: &str) -> String {

@@ -99,6 +99,9 @@ async fn import_options_come_by_query_and_are_recorded_with_the_scene() {
     assert_eq!(bench.get(&format!("/v1/scenes/{}", scene["id"].as_str().unwrap())).await.json()["options"], expected);
     let plain = bench.post_parts("/v1/scenes", body()).await.json();
     assert_ne!(plain["scene"], scene["scene"], "read otherwise, it is another scene");
+    let two = parts(&[("scene", Some("a.obj"), OBJ), ("another", Some("b.obj"), OBJ)]);
+    assert_eq!(bench.post_parts("/v1/scenes", two.clone()).await.problem().1, "scene-rejected");
+    assert_eq!(bench.post_parts("/v1/scenes?main=b.obj", two).await.json()["options"]["main"], "b.obj");
     let baked = bench.post_parts(&format!("/v1/bakes?{query}&priority=3"), body()).await.json();
     assert_eq!((&baked["scene"]["scene"], &baked["job"]["priority"]), (&scene["scene"], &serde_json::json!(3)));
 }
@@ -111,7 +114,7 @@ async fn bad_import_options_are_refused_by_name() {
         ("enviroment=sky.hdr", "enviroment"),
         ("x3d_shadows=strickt", "strickt"),
         ("time=-1", "time"),
-        ("time=soon", "soon"),
+        ("time=soon", "time"),
         ("environment_intensity=2", "environment_intensity"),
     ] {
         for path in ["/v1/scenes", "/v1/bakes"] {

@@ -4,6 +4,7 @@ mod environment;
 mod gather;
 mod leaks;
 mod plate;
+mod reference;
 mod strict;
 
 use crate::{
