@@ -10,6 +10,7 @@
 
 mod light;
 mod material;
+mod sample;
 mod texture;
 mod validate;
 
@@ -19,6 +20,7 @@ pub use light::{
 pub use material::{
     AlphaMode, LayerMode, Lobe, Mapping, Material, MetallicRoughness, NormalMap, Opacity, Phong, Reflection, TextureLayer, TextureRef, Wrap,
 };
+pub use sample::Place;
 pub use texture::{Coding, Texture};
 pub use validate::{InvalidScene, energy_scale};
 

@@ -3,19 +3,27 @@
 //! A [`Capture`] joins a traced scene with a job's plan. Texels are independent: each is a function of (scene, settings, surface, texel), so
 //! tiles run on any number of threads, and a gutter texel is computed by whoever needs it.
 
+mod directions;
+mod draw;
+mod facets;
 pub(crate) mod footprint;
 mod gather;
 pub(crate) mod hemisphere;
 mod probe;
 mod punctual;
+pub(crate) mod site;
 
+#[cfg(test)]
+mod material_tests;
+#[cfg(test)]
+mod reference_tests;
 #[cfg(test)]
 mod tests;
 
 use crate::{sampling::TexelKey, scene::BakeScene};
 pub(crate) use footprint::Points;
 use glam::Vec3;
-use hemisphere::{Budget, Scratch, Site, Views};
+use hemisphere::{Budget, Scratch, Views};
 use kiln_proto::{
     plan::Plan,
     settings::{BakeSettings, Footprint},
@@ -24,6 +32,7 @@ use kiln_proto::{
     units::Rgb,
 };
 use rayon::prelude::*;
+use site::Site;
 use std::{collections::BTreeSet, sync::Arc};
 
 /// A job ready to be captured.
