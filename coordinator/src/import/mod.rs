@@ -6,6 +6,7 @@
 //! The alternative, passing parser errors through, is a page shorter and leaves "face parse error" as the whole answer.
 
 pub mod bundle;
+mod coat;
 mod findings;
 pub mod format;
 mod gltf;
@@ -13,6 +14,7 @@ mod images;
 pub mod mesh;
 mod name;
 pub mod obj;
+mod surfaces;
 mod texture;
 mod two_sided;
 mod weld;

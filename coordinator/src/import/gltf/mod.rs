@@ -9,7 +9,6 @@
 mod accessor;
 mod animation;
 mod buffer;
-mod coat;
 mod container;
 mod deform;
 mod element;
