@@ -14,6 +14,7 @@ mod error;
 mod eval;
 mod fetch;
 mod host;
+mod import_args;
 mod inspect;
 mod output;
 mod package;

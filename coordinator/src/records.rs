@@ -3,6 +3,7 @@
 
 use kiln_proto::{
     ids::{JobId, SceneHash, WorkerId},
+    options::ImportOptions,
     settings::{BakeSettings, SettingsPatch},
     tile::TileRun,
     wire::message::Phase,
@@ -65,6 +66,10 @@ pub struct SceneRecord {
     pub state: SceneState,
     /// When it was uploaded.
     pub created_ms: UnixMillis,
+    /// How it was to be read.
+    #[serde(default)]
+    #[schema(value_type = Object)]
+    pub options: ImportOptions,
     /// Statistics once it is ready.
     pub statistics: Option<SceneStatistics>,
     /// What was repaired, ignored or approximated.

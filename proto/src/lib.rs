@@ -19,6 +19,7 @@ pub mod plan;
 pub mod probe;
 pub mod scene;
 pub mod segment;
+pub mod sets;
 pub mod settings;
 pub mod texel;
 pub mod tile;

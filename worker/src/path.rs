@@ -1,8 +1,12 @@
 //! Light paths: what arrives at a point from a direction, and what leaves a vertex toward one.
 //!
-//! Next-event estimation and continuation share every vertex by the balance heuristic. Depth counts as in Mitsuba: light that a texel emits
+//! A ray that leaves the scene sees the environment. Next-event estimation and continuation share every vertex by the balance heuristic. Depth counts as in Mitsuba: light that a texel emits
 //! has depth 1, direct light depth 2. There is no Russian roulette: `max_depth` bounds the cost, and roulette would trade it for noise that
 //! all directions of a texel share. Surfaces are one-sided: backs block, reflect nothing and emit nothing.
+
+mod next_event;
+
+pub use next_event::{Connection, Shine};
 
 use crate::{
     accel::{Ray, RayCount},
@@ -33,19 +37,6 @@ pub struct Incident {
     pub reflected: Rgb,
 }
 
-/// A light sample as a vertex sees it, unshadowed.
-#[derive(Debug, Clone, Copy)]
-pub struct Connection {
-    /// Unit world direction toward the light.
-    pub direction: Vec3,
-    /// The lifted point on the light.
-    pub target: Vec3,
-    /// Density of the direction, 1/sr.
-    pub pdf: f32,
-    /// Emitted radiance, W/(sr m²).
-    pub emitted: Rgb,
-}
-
 impl Incident {
     const NOTHING: Incident = Incident { emitted: Rgb::BLACK, light_pdf: 0.0, reflected: Rgb::BLACK };
 
@@ -74,7 +65,10 @@ impl<'a> Tracer<'a> {
 
     /// What arrives at the lifted point `from` from the unit world `direction`, where its emission counts as `depth`.
     pub fn incident(&mut self, from: Vec3, direction: Vec3, depth: u32, sample: PathSample) -> Incident {
-        let Some(hit) = self.scene.closest(&Ray::unbounded(from, direction), &mut self.rays) else { return Incident::NOTHING };
+        let Some(hit) = self.scene.closest(&Ray::unbounded(from, direction), &mut self.rays) else {
+            let (emitted, light_pdf) = self.scene.beyond(direction);
+            return Incident { emitted, light_pdf, reflected: Rgb::BLACK };
+        };
         let prim = self.scene.prim(hit.prim);
         let cos = -prim.frame.normal.dot(direction);
         if cos <= 0.0 {
@@ -100,11 +94,17 @@ impl<'a> Tracer<'a> {
             }
             if vertex.bsdf.is_smooth() {
                 sum += throughput * self.next_event(&vertex, wo, sample.key.pair(Dimension::next_event(depth), sample.index));
+                sum += throughput * self.punctual(&vertex, wo, sample.key.pair(Dimension::punctual(depth), sample.index));
             }
             let Some(bounce) = vertex.bsdf.sample(wo, sample.key.pair(Dimension::bounce(depth), sample.index)) else { break };
             throughput = throughput * bounce.weight;
             let direction = vertex.frame.to_world(bounce.wi);
-            let Some(hit) = self.scene.closest(&Ray::unbounded(vertex.lifted, direction), &mut self.rays) else { break };
+            let shared = |light_pdf: f32| bounce.pdf.map_or(1.0, |pdf| mis::balance(pdf, light_pdf));
+            let Some(hit) = self.scene.closest(&Ray::unbounded(vertex.lifted, direction), &mut self.rays) else {
+                let (radiance, light_pdf) = self.scene.beyond(direction);
+                sum += throughput * radiance * shared(light_pdf);
+                break;
+            };
             let prim = self.scene.prim(hit.prim);
             let cos = -prim.frame.normal.dot(direction);
             if cos <= 0.0 {
@@ -112,43 +112,11 @@ impl<'a> Tracer<'a> {
             }
             if let Some(emitter) = prim.emitter {
                 let light_pdf = to_solid_angle(self.scene.lights().pdf_area(emitter as usize), hit.t * hit.t, cos);
-                let weight = bounce.pdf.map_or(1.0, |pdf| mis::balance(pdf, light_pdf));
-                sum += throughput * self.scene.emission(hit.prim, [hit.u, hit.v]) * weight;
+                sum += throughput * self.scene.emission(hit.prim, [hit.u, hit.v]) * shared(light_pdf);
             }
             vertex = self.scene.vertex(&hit);
             wo = vertex.frame.to_local(-direction);
         }
         sum
-    }
-
-    /// A light sample seen from a lifted point; `None` where the light turns its back.
-    #[inline]
-    pub fn connect(&self, from: Vec3, u: [f32; 2]) -> Option<Connection> {
-        let point = self.scene.lights().sample(u)?;
-        let target = self.scene.lifted(point.prim, point.bary);
-        let toward = target - from;
-        let distance_squared = toward.length_squared();
-        let direction = toward / distance_squared.sqrt();
-        let cos = -self.scene.prim(point.prim).frame.normal.dot(direction);
-        let pdf = to_solid_angle(point.pdf_area, distance_squared, cos);
-        // A light that touches the point has no direction, and its density overflows or vanishes.
-        let usable = cos > 0.0 && pdf > 0.0 && pdf.is_finite();
-        usable.then(|| Connection { direction, target, pdf, emitted: self.scene.emission(point.prim, point.bary) })
-    }
-
-    /// Whether a connection is not blocked.
-    #[inline]
-    pub fn reaches(&mut self, from: Vec3, connection: &Connection) -> bool {
-        self.scene.visible(from, connection.target, &mut self.rays)
-    }
-
-    fn next_event(&mut self, vertex: &Vertex, wo: Vec3, u: [f32; 2]) -> Rgb {
-        let Some(light) = self.connect(vertex.lifted, u) else { return Rgb::BLACK };
-        let wi = vertex.frame.to_local(light.direction);
-        if wi.z <= 0.0 || light.emitted.is_black() || !self.reaches(vertex.lifted, &light) {
-            return Rgb::BLACK;
-        }
-        let weight = mis::balance(light.pdf, vertex.bsdf.pdf(wi, wo));
-        vertex.bsdf.eval(wi, wo) * light.emitted * (wi.z * weight / light.pdf)
     }
 }

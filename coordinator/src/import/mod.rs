@@ -7,9 +7,11 @@
 
 pub mod bundle;
 mod coat;
+mod environment;
 mod findings;
 pub mod format;
 mod gltf;
+mod group;
 mod images;
 pub mod mesh;
 mod name;
@@ -41,7 +43,7 @@ pub struct Imported {
     pub statistics: SceneStatistics,
 }
 
-/// Imports the main file of a bundle with everything it refers to. Cost: linear in the bytes of the bundle, but for concave polygons,
+/// Imports the main file of a bundle with everything it refers to, and the environment that the options name. Cost: linear in the bytes of the bundle, but for concave polygons,
 /// which take the square of their corners.
 ///
 /// # Errors
@@ -60,9 +62,20 @@ pub fn import_bundle(bundle: &Bundle, options: &ImportOptions) -> Result<Importe
 
 fn import(bundle: &Bundle, options: &ImportOptions, findings: &mut Findings) -> Option<Scene> {
     let main = bundle.main();
-    let scene = import_file(bundle, main, options, findings)?;
+    if let Err(bad) = options.check() {
+        findings.error(At::file(main.as_str()), format!("the option {bad}"));
+        return None;
+    }
+    let mut scene = import_file(bundle, main, options, findings)?;
+    if let Some(environment) = environment::import(bundle, options, findings) {
+        scene.environment = Some(environment);
+    }
     if findings.has_errors() {
         return None;
+    }
+    if let Some(group::Grouped { surfaces, atlases }) = group::group(&mut scene) {
+        let message = format!("{surfaces} small surfaces share the textures of {}: {}", atlases.len(), listed(&atlases));
+        findings.warn(At::file(main.as_str()), message);
     }
     if !scene.has_light() {
         let message = "nothing in the scene emits light (no light, no environment, no material in use that shines): it will be black";
@@ -97,6 +110,13 @@ fn import_file(bundle: &Bundle, file: &BundlePath, options: &ImportOptions, find
             None
         }
     }
+}
+
+/// The first names of a list.
+fn listed(names: &[String]) -> String {
+    const SHOWN: usize = 8;
+    let more = if names.len() > SHOWN { ", …" } else { "" };
+    format!("{}{more}", names[..names.len().min(SHOWN)].join(", "))
 }
 
 /// Counts of a scene.

@@ -22,7 +22,7 @@ fn shown(problems: &[Problem]) -> Vec<String> {
 
 fn own(name: &str) -> Result<Imported, Vec<Problem>> {
     let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../tests/scenes/obj").join(name);
-    let (bundle, _) = bundle::collect(&path, &std::env::temp_dir()).unwrap();
+    let (bundle, _) = bundle::collect(&path, None, &std::env::temp_dir()).unwrap();
     import_bundle(&bundle, &ImportOptions::default())
 }
 

@@ -11,7 +11,7 @@ use super::{
     stop::{Stop, Stopped},
 };
 use glam::{DVec3, Vec3, Vec3A};
-use kiln_proto::{frame::Frame, lookup, plan::Plan, scene::Scene};
+use kiln_proto::{frame::SurfaceFrames, lookup, plan::Plan, scene::Scene};
 use obvhs::{
     aabb::Aabb,
     bvh2::{Bvh2, leaf_collapser::collapse},
@@ -35,7 +35,7 @@ pub(super) struct Seen {
     pub(super) chart: u32,
     /// Where, in the texture coordinates of the plan.
     pub(super) uv: [f32; 2],
-    /// The unit direction toward the eye, in the triangle's frame.
+    /// The unit direction toward the eye, in the surface's frame there.
     pub(super) toward: Vec3,
 }
 
@@ -43,6 +43,7 @@ pub(super) struct Seen {
 pub(super) struct Stage<'a> {
     plan: &'a Plan,
     corners: Vec<[DVec3; 3]>,
+    frames: Vec<SurfaceFrames>,
     /// Number of the first triangle of each surface, and of all in the end.
     first: Vec<usize>,
     /// What the charts of each surface count from.
@@ -61,7 +62,7 @@ struct Hit {
 }
 
 impl<'a> Stage<'a> {
-    /// Builds the hierarchy for rays from `eye`. Cost: O(n log n) in triangles, and about 200 bytes each.
+    /// Builds the hierarchy for rays from `eye`. Cost: O(n log n) in triangles, and about 250 bytes each.
     pub(super) fn new(scene: &Scene, plan: &'a Plan, eye: Vec3) -> Self {
         let corners: Vec<[DVec3; 3]> = scene.surfaces.iter().flat_map(|s| s.triangles.iter().map(|t| scene.corners(t))).collect();
         let largest = corners.iter().flatten().map(|c| c.abs().max_element() as f32).fold(eye.abs().max_element(), f32::max);
@@ -77,7 +78,9 @@ impl<'a> Stage<'a> {
             first.push(first[first.len() - 1] + surface.triangles.len());
             charts.push(charts[charts.len() - 1] + layout.charts.iter().max().map_or(0, |largest| largest + 1));
         }
-        Self { plan, corners, first, charts, tree, eye: eye.as_dvec3() }
+        let layouts = scene.surfaces.par_iter().zip(&plan.surfaces);
+        let frames = layouts.map(|(surface, layout)| SurfaceFrames::new(scene, surface, layout, plan.settings.frame)).collect();
+        Self { plan, corners, frames, first, charts, tree, eye: eye.as_dvec3() }
     }
 
     /// What the pixels of some rows of the picture see, row by row; `None` is the background. Asks before each row whether to go on.
@@ -97,7 +100,7 @@ impl<'a> Stage<'a> {
         let layout = &self.plan.surfaces[surface];
         let corners = layout.uv[triangle];
         let uv = std::array::from_fn(|k| corners.iter().zip(hit.weights).map(|(uv, w)| f64::from(uv[k]) * w).sum::<f64>() as f32);
-        let frame = Frame::of_triangle(self.corners[hit.triangle], corners.map(|c| c.map(f64::from)), self.plan.settings.frame)?;
+        let frame = self.frames[surface].at(triangle as u32, [hit.weights[1], hit.weights[2]])?;
         let chart = self.charts[surface] + layout.charts[triangle] + 1;
         Some(Seen { surface: surface as u32, chart, uv, toward: frame.to_local(-direction) })
     }

@@ -59,8 +59,17 @@ pub(super) struct Sample {
     pub(super) light_pdf: f32,
     /// Reflected by what is seen there; only incident samples find it, W/(sr m²).
     pub(super) reflected: Rgb,
+    /// What a light without area sends from there, divided by the number of points that ask for it: irradiance of a surface that faces it, W/m².
+    pub(super) direct: Rgb,
     /// Kd at the point of the footprint that the sample belongs to.
     pub(super) diffuse: Rgb,
+}
+
+impl Sample {
+    /// A direction from which nothing arrives yet.
+    pub(super) fn dark(wi: Vec3, diffuse: Rgb) -> Self {
+        Self { wi, emitted: Rgb::BLACK, light_pdf: 0.0, reflected: Rgb::BLACK, direct: Rgb::BLACK, diffuse }
+    }
 }
 
 /// The mixture of densities that the samples of a texel were drawn from: p(w) = a cos/pi + (1 - a)/D sum over k of p_k(w).
@@ -78,12 +87,12 @@ pub(super) struct Mixture {
 
 impl Mixture {
     /// The share of a sample in the estimate of the integral: cosine times light over density, by the balance heuristic (Veach 1997,
-    /// multi-sample model). `lobes` is the sum of the lobe values over all D directions.
+    /// multi-sample model), or light without area as it is. `lobes` is the sum of the lobe values over all D directions.
     #[inline(always)]
     fn weigh(&self, sample: &Sample, lobes: f32, lobe_scale: f32) -> Rgb {
         let p = self.incident * (self.cosine * INV_PI * sample.wi.z + lobe_scale * lobes);
         let both = sample.wi.z / (p + self.light * sample.light_pdf);
-        sample.emitted * both + sample.reflected * (sample.wi.z / p)
+        sample.emitted * both + sample.reflected * (sample.wi.z / p) + sample.direct * sample.wi.z
     }
 
     /// What the sum of lobe values is multiplied with in p, for D directions.

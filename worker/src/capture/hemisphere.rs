@@ -9,10 +9,11 @@
 use super::{
     footprint::Points,
     gather::{Mirrored, Mixture, Sample, Sums, gather},
+    punctual,
 };
 use crate::{
     bsdf::Specular,
-    path::{PathSample, Tracer},
+    path::{Incident, PathSample, Tracer},
     sampling::{Dimension, TexelKey, warp},
     scene::{BakeScene, Vertex, phong, specular},
 };
@@ -20,7 +21,7 @@ use glam::Vec3;
 use kiln_proto::{frame::Frame, scene::Reflection, units::Rgb};
 
 /// Incident samples per light sample.
-const LIGHT_SHARE: u32 = 4;
+pub(super) const LIGHT_SHARE: u32 = 4;
 /// Of so many incident samples on a glossy surface one is cosine-distributed (measured: half of them is worse on every glossy surface).
 const COSINE_SHARE: u32 = 4;
 
@@ -89,8 +90,9 @@ pub(crate) fn capture(scene: &BakeScene, site: &Site<'_>, budget: Budget, views:
     if phong(material).is_some_and(|p| !p.diffuse.is_black()) || matches!(specular, Specular::Phong { .. }) {
         let mixture = mixture(budget.samples, specular);
         draw(scene, &mut tracer, site, budget, &mixture, &views.mixed, &mut scratch.samples);
+        let ambient = punctual::shine(scene, &mut tracer, site, budget, &mut scratch.samples);
         gather(scene.kernel(), &scratch.samples, &mixture, &views.mixed, views.toward.as_ref(), &mut scratch.sums);
-        let diffuse = scratch.sums.diffuse;
+        let diffuse = scratch.sums.diffuse + ambient;
         out.iter_mut().for_each(|l| *l += diffuse);
     }
     match specular {
@@ -154,8 +156,8 @@ fn draw(
         let vertex = vertex(scene, site, index, Dimension::footprint);
         let light = tracer.incident(vertex.lifted, site.frame.to_world(wi), 2, PathSample { key: site.key, index });
         if !light.is_black() {
-            let diffuse = vertex.bsdf.diffuse;
-            samples.push(Sample { wi, emitted: light.emitted, light_pdf: light.light_pdf, reflected: light.reflected, diffuse });
+            let Incident { emitted, light_pdf, reflected } = light;
+            samples.push(Sample { emitted, light_pdf, reflected, ..Sample::dark(wi, vertex.bsdf.diffuse) });
         }
     }
     for index in 0..budget.samples / LIGHT_SHARE {
@@ -163,8 +165,7 @@ fn draw(
         let Some(light) = tracer.connect(vertex.lifted, site.key.pair(Dimension::LIGHT, index)) else { continue };
         let wi = site.frame.to_local(light.direction);
         if wi.z > 0.0 && !light.emitted.is_black() && tracer.reaches(vertex.lifted, &light) {
-            let diffuse = vertex.bsdf.diffuse;
-            samples.push(Sample { wi, emitted: light.emitted, light_pdf: light.pdf, reflected: Rgb::BLACK, diffuse });
+            samples.push(Sample { emitted: light.emitted, light_pdf: light.pdf, ..Sample::dark(wi, vertex.bsdf.diffuse) });
         }
     }
 }
@@ -214,6 +215,6 @@ fn mean_emission(scene: &BakeScene, site: &Site<'_>, samples: u32) -> Rgb {
     sum * (1.0 / samples as f32)
 }
 
-fn vertex(scene: &BakeScene, site: &Site<'_>, index: u32, dimension: fn(u32) -> Dimension) -> Vertex {
+pub(super) fn vertex(scene: &BakeScene, site: &Site<'_>, index: u32, dimension: fn(u32) -> Dimension) -> Vertex {
     scene.vertex_at(site.surface, &site.points.at(site.key, index, dimension), site.frame)
 }

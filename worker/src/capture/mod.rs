@@ -7,6 +7,7 @@ pub(crate) mod footprint;
 mod gather;
 pub(crate) mod hemisphere;
 mod probe;
+mod punctual;
 
 #[cfg(test)]
 mod tests;

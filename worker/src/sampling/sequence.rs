@@ -17,6 +17,8 @@ impl Dimension {
     pub const LOBE: Dimension = Dimension(2);
     /// A point on a light, shared by all directions.
     pub const LIGHT: Dimension = Dimension(3);
+    /// Which of many lights without area.
+    pub const PUNCTUAL: Dimension = Dimension(4);
 
     /// A point of the footprint of an incident sample; `attempt` counts misses.
     #[must_use]
@@ -28,6 +30,18 @@ impl Dimension {
     #[must_use]
     pub fn light_footprint(attempt: u32) -> Dimension {
         Dimension(32 + attempt)
+    }
+
+    /// A point of the footprint that lights without area shine on; `attempt` counts misses.
+    #[must_use]
+    pub fn punctual_footprint(attempt: u32) -> Dimension {
+        Dimension(48 + attempt)
+    }
+
+    /// Which light without area, seen from the vertex whose light arrives at `depth`.
+    #[must_use]
+    pub fn punctual(depth: u32) -> Dimension {
+        Dimension(256 + depth)
     }
 
     /// A point on a light, seen from the vertex whose light arrives at `depth`.

@@ -1,6 +1,6 @@
 //! Gathering a scene from a folder, as the command line does before it uploads: the main file and everything it refers to.
 //!
-//! Only files inside the main file's folder are taken: a scene that someone else made must not be able to name `/etc/passwd` or
+//! Only files inside one folder are taken, the main file's own unless its author names a larger one: a scene that someone else made must not be able to name `/etc/passwd` or
 //! `../../.ssh/id_ed25519`, nor to reach them through a link, and have them uploaded. What is outside is reported as missing.
 
 use super::{Bundle, BundlePath, Content, Format, plain, problem, unreadable};
@@ -14,11 +14,12 @@ use std::{
     path::{Path, PathBuf},
 };
 
-/// The scene file `main` with the files it refers to, and those it refers to in vain. A ZIP is unpacked into `scratch` instead.
+/// The scene file `main` with the files it refers to, and those it refers to in vain. Files of `root` may be taken, a folder around the main
+/// file; `None` is the main file's own. A ZIP is unpacked into `scratch` instead.
 ///
 /// # Errors
-/// A main file that cannot be read or does not import, or more than a bundle may hold.
-pub fn collect(main: &Path, scratch: &Path) -> Result<(Bundle, Vec<Problem>), Problem> {
+/// A main file that cannot be read, does not import or lies outside `root`, or more than a bundle may hold.
+pub fn collect(main: &Path, root: Option<&Path>, scratch: &Path) -> Result<(Bundle, Vec<Problem>), Problem> {
     let shown = main.display().to_string();
     let name = main.file_name().and_then(|n| n.to_str()).ok_or_else(|| problem(&shown, "this is not the name of a file"))?;
     if !main.is_file() {
@@ -31,9 +32,7 @@ pub fn collect(main: &Path, scratch: &Path) -> Result<(Bundle, Vec<Problem>), Pr
         Format::Unsupported(what) => return Err(super::format::refusal(&shown, what)),
         Format::Obj | Format::Gltf | Format::X3d => {}
     }
-    let root = BundlePath::parse(name).map_err(|e| problem(&shown, e.to_string()))?;
-    let parent = main.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let folder = parent.canonicalize().map_err(|e| unreadable(&parent.display().to_string(), &e))?;
+    let (folder, root) = place(main, name, root)?;
     let mut walk = Walk { folder, files: BTreeMap::new(), missing: vec![] };
     let bytes = read(main, &shown)?;
     walk.files.insert(root.clone(), Content::File(main.to_owned()));
@@ -44,6 +43,20 @@ pub fn collect(main: &Path, scratch: &Path) -> Result<(Bundle, Vec<Problem>), Pr
     }
     let bundle = Bundle::new(walk.files, Some(root.as_str()), None)?;
     Ok((bundle, walk.missing))
+}
+
+/// The folder whose files may be taken, without links, and the path of the main file in it.
+fn place(main: &Path, name: &str, root: Option<&Path>) -> Result<(PathBuf, BundlePath), Problem> {
+    let real = |path: &Path| path.canonicalize().map_err(|e| unreadable(&path.display().to_string(), &e));
+    let parent = real(main.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new(".")))?;
+    let folder = root.map_or(Ok(parent.clone()), real)?;
+    let shown = main.display().to_string();
+    let Ok(within) = parent.strip_prefix(&folder) else {
+        return Err(problem(&shown, format!("the scene does not lie in the folder {}", folder.display())));
+    };
+    let path = within.join(name);
+    let path = path.to_str().ok_or_else(|| problem(&shown, "a folder around it has a name that is not text"))?;
+    Ok((folder, BundlePath::parse(path).map_err(|e| problem(&shown, e.to_string()))?))
 }
 
 struct Walk {
@@ -107,7 +120,7 @@ impl Walk {
 
     fn report(&mut self, from: &BundlePath, line: u32, name: &str) {
         if self.missing.len() < 100 {
-            let message = format!("`{name}` is not in the folder of the scene");
+            let message = format!("`{name}` is not in the folder whose files the scene may use");
             self.missing.push(Problem { message, file: Some(from.as_str().to_owned()), line: Some(line) });
         }
     }

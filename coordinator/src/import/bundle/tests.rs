@@ -110,12 +110,12 @@ fn collecting_takes_what_the_scene_refers_to_and_nothing_outside() {
     #[cfg(unix)]
     std::os::unix::fs::symlink(folder.path().join("secret.png"), folder.path().join("scene/gone.png")).unwrap();
     write("scene/a.obj", &[b"mtllib lib/two words.mtl /etc/passwd\n", OBJ].concat());
-    let (bundle, missing) = collect(&folder.path().join("scene/a.obj"), folder.path()).unwrap();
+    let (bundle, missing) = collect(&folder.path().join("scene/a.obj"), None, folder.path()).unwrap();
     assert_eq!(bundle.files().map(|(p, _)| p.as_str()).collect::<Vec<_>>(), ["a.obj", "lib/two words.mtl", "my tex.png"]);
     let missing: Vec<String> = missing.iter().map(ToString::to_string).collect();
     assert_eq!(missing.len(), 3, "{missing:?}");
     assert!(missing[0].starts_with("a.obj:1: `/etc/passwd`") && missing[1].starts_with("lib/two words.mtl:3: `../../secret.png`"));
-    assert!(collect(&folder.path().join("none.obj"), folder.path()).unwrap_err().message.contains("no such file"));
+    assert!(collect(&folder.path().join("none.obj"), None, folder.path()).unwrap_err().message.contains("no such file"));
 }
 
 proptest! {
@@ -136,4 +136,43 @@ proptest! {
             let _ = import_bundle(&bundle, &kiln_proto::options::ImportOptions::default());
         }
     }
+}
+
+#[test]
+fn a_file_from_elsewhere_lies_beside_the_scene_under_a_name_of_its_own() {
+    let folder = tempfile::tempdir().unwrap();
+    let local = folder.path().join("sky.hdr");
+    std::fs::write(&local, b"mine").unwrap();
+    let mut bundle = parts(&[("room/a.obj", OBJ), ("room/sky.hdr", b"another")]).unwrap();
+    for _ in 0..2 {
+        let name = bundle.add(&local).unwrap();
+        assert_eq!(name, "1-sky.hdr");
+        let Some(Found::Exact(path)) = bundle.find(bundle.main(), &name) else { panic!() };
+        assert_eq!((path.as_str(), &*bundle.read(path, 9).unwrap()), ("room/1-sky.hdr", b"mine".as_slice()));
+    }
+    assert_eq!(bundle.files().count(), 3, "the same file again is the same file");
+    assert!(bundle.add(&folder.path().join("none.hdr")).unwrap_err().to_string().contains("no such file"));
+    assert!(bundle.add(folder.path()).unwrap_err().to_string().contains("not a file"));
+}
+
+#[test]
+fn a_larger_folder_may_be_named_and_nothing_beyond_it_is_taken() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, text: &str| {
+        let path = folder.path().join(name);
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        std::fs::write(path, text).unwrap();
+    };
+    write("all/rooms/a.obj", "mtllib ../shared/m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl m\nf 1 2 3\n");
+    write("all/shared/m.mtl", "newmtl m\nmap_Kd ../../secret.png\n");
+    write("secret.png", "no");
+    let main = folder.path().join("all/rooms/a.obj");
+    let (bundle, missing) = collect(&main, None, folder.path()).unwrap();
+    assert_eq!((bundle.main().as_str(), bundle.files().count(), missing.len()), ("a.obj", 1, 1));
+    let (bundle, missing) = collect(&main, Some(&folder.path().join("all")), folder.path()).unwrap();
+    let names: Vec<&str> = bundle.files().map(|(path, _)| path.as_str()).collect();
+    assert_eq!((bundle.main().as_str(), names), ("rooms/a.obj", vec!["rooms/a.obj", "shared/m.mtl"]));
+    assert!(missing[0].message.contains("secret.png"));
+    let elsewhere = collect(&main, Some(&folder.path().join("all/shared")), folder.path()).unwrap_err();
+    assert!(elsewhere.message.contains("does not lie in the folder"), "{elsewhere}");
 }

@@ -48,7 +48,7 @@ fn plan(text: &str) -> PlanRef {
 
 async fn scene(store: &dyn Store) -> SceneRow {
     let file = StoredFile { name: "a.obj".into(), blob: blob("obj") };
-    store.add_scene(Uuid::now_v7(), &[file], NOW).await.unwrap()
+    store.add_scene(Uuid::now_v7(), &[file], &kiln_proto::options::ImportOptions::default(), NOW).await.unwrap()
 }
 
 fn statistics() -> SceneStatistics {
