@@ -19,6 +19,7 @@ pub mod obj;
 mod surfaces;
 mod texture;
 mod two_sided;
+mod uri;
 mod weld;
 mod x3d;
 

@@ -118,6 +118,34 @@ fn collecting_takes_what_the_scene_refers_to_and_nothing_outside() {
     assert!(collect(&folder.path().join("none.obj"), None, folder.path()).unwrap_err().message.contains("no such file"));
 }
 
+/// A scene of X3D in a folder that inlines X3D, which inlines glTF, which has a buffer and an image.
+#[test]
+fn collecting_follows_inlined_scenes_and_the_first_address_that_exists() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, bytes: &[u8]| {
+        let path = folder.path().join(name);
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        std::fs::write(path, bytes).unwrap();
+    };
+    write(
+        "a.x3dv",
+        b"#X3D V3.3 utf8\nInline { url [ \"gone.x3dv\" \"sub/b.wrl\" ] } Inline { url \"../out.wrl\" }\nInline { url \"a.x3dv\" }",
+    );
+    write("sub/b.wrl", b"#VRML V2.0 utf8\nInline { url \"../c.gltf\" } Shape { appearance Appearance { texture ImageTexture { url \"http://x.org/my%20leaf.png\" } } }");
+    write("sub/my leaf.png", b"");
+    write(
+        "c.gltf",
+        br#"{ "asset": { "version": "2.0" }, "buffers": [ { "uri": "c.bin", "byteLength": 4 } ], "images": [ { "uri": "sub/c.png" } ] }"#,
+    );
+    write("c.bin", b"1234");
+    write("sub/c.png", b"");
+    let (bundle, missing) = collect(&folder.path().join("a.x3dv"), None, folder.path()).unwrap();
+    let found: Vec<&str> = bundle.files().map(|(p, _)| p.as_str()).collect();
+    assert_eq!(found, ["a.x3dv", "c.bin", "c.gltf", "sub/b.wrl", "sub/c.png", "sub/my leaf.png"]);
+    let missing: Vec<String> = missing.iter().map(ToString::to_string).collect();
+    assert!(missing.len() == 1 && missing[0].starts_with("a.x3dv:2: `../out.wrl`"), "{missing:?}");
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(500))]
 
