@@ -6,6 +6,7 @@
 //! The alternative, passing parser errors through, is a page shorter and leaves "face parse error" as the whole answer.
 
 pub mod bundle;
+mod coat;
 mod environment;
 mod findings;
 pub mod format;
@@ -15,12 +16,16 @@ mod images;
 pub mod mesh;
 mod name;
 pub mod obj;
+mod statistics;
+mod surfaces;
 mod texture;
 mod two_sided;
+mod uri;
 mod weld;
 mod x3d;
 
 pub use bundle::{Bundle, BundlePath, Content, Part};
+pub use statistics::statistics;
 
 use crate::records::{Problem, SceneStatistics};
 use findings::{At, Findings};
@@ -115,28 +120,6 @@ fn listed(names: &[String]) -> String {
     const SHOWN: usize = 8;
     let more = if names.len() > SHOWN { ", …" } else { "" };
     format!("{}{more}", names[..names.len().min(SHOWN)].join(", "))
-}
-
-/// Counts of a scene.
-#[must_use]
-pub fn statistics(scene: &Scene) -> SceneStatistics {
-    let emissive = scene
-        .surfaces
-        .iter()
-        .flat_map(|s| &s.parts)
-        .filter(|p| scene.materials[p.material as usize].is_emissive())
-        .map(|p| u64::from(p.triangles))
-        .sum();
-    let (low, high) = scene.bounds();
-    SceneStatistics {
-        triangles: scene.triangle_count() as u64,
-        surfaces: scene.surfaces.iter().map(|s| s.name.clone()).collect(),
-        materials: scene.materials.len() as u64,
-        textures: scene.textures.len() as u64,
-        emissive_triangles: emissive,
-        low,
-        high,
-    }
 }
 
 #[cfg(test)]

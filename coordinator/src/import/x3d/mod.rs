@@ -17,6 +17,7 @@ mod json;
 mod limits;
 mod literal;
 mod node;
+mod references;
 mod resolve;
 mod scene;
 mod syntax;
@@ -29,6 +30,7 @@ use kiln_proto::{options::ImportOptions, scene::Scene};
 
 pub(super) use document::{Document, Inlined, NodeId, Place};
 pub(super) use node::NodeRef;
+pub(super) use references::{Reference, references};
 
 /// Reads an X3D or VRML97 file of a bundle with all that it refers to, at `time` (seconds since the scene was loaded; `None`: at rest, before
 /// any event). Unknown and unsupported things are warnings; `None`, with errors, where the file cannot be read.
