@@ -13,21 +13,29 @@ const MAX_WARNINGS: usize = 100;
 pub(super) struct At<'a> {
     file: &'a str,
     line: Option<u32>,
+    column: Option<u32>,
 }
 
 impl<'a> At<'a> {
     /// A line, from 1, of a file.
     pub(super) fn line(file: &'a str, line: u32) -> Self {
-        Self { file, line: Some(line) }
+        Self { file, line: Some(line), column: None }
     }
 
     /// A file as a whole.
     pub(super) fn file(file: &'a str) -> Self {
-        Self { file, line: None }
+        Self { file, line: None, column: None }
+    }
+
+    /// A column, from 1, of a line, from 1. It is said in the message: a [`Problem`] has lines.
+    pub(super) fn column(file: &'a str, line: u32, column: u32) -> Self {
+        Self { file, line: Some(line), column: Some(column) }
     }
 
     fn problem(self, message: impl Into<String>) -> Problem {
-        Problem { message: message.into(), file: Some(self.file.to_owned()), line: self.line }
+        let message = message.into();
+        let message = if let Some(column) = self.column { format!("column {column}: {message}") } else { message };
+        Problem { message, file: Some(self.file.to_owned()), line: self.line }
     }
 }
 

@@ -15,6 +15,7 @@ pub mod obj;
 mod texture;
 mod two_sided;
 mod weld;
+mod x3d;
 
 pub use bundle::{Bundle, BundlePath, Content, Part};
 

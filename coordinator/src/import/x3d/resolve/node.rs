@@ -1,0 +1,294 @@
+//! Nodes, their fields and their children.
+
+use super::{
+    Resolver,
+    frame::{Frame, Target},
+};
+use crate::import::x3d::{
+    document::{Node, NodeId, Place},
+    limits::MAX_DEPTH,
+    literal::{self, shown},
+    syntax::{FieldItem, Item, NodeItem, Span, Written},
+    table::{self, Access, Field, NodeType},
+    value::{Base, FieldType, Store, Value},
+};
+use std::sync::Arc;
+
+/// The children of one node that came without the name of a field, by field, each list with its first place.
+type Children = Vec<(u16, Place, Vec<NodeId>)>;
+
+impl Resolver<'_> {
+    /// Walks items that stand for nodes, below `above` other nodes; returns the nodes.
+    pub(super) fn items(&mut self, frame: &mut Frame, items: &[Item], above: u16) -> Vec<NodeId> {
+        let mut ids = vec![];
+        for item in items {
+            match item {
+                Item::Node(node) => ids.extend(self.node(frame, node, above)),
+                other => self.statement(frame, other),
+            }
+        }
+        ids
+    }
+
+    /// A statement in a file, in a body or among nodes.
+    pub(super) fn statement(&mut self, frame: &mut Frame, item: &Item) {
+        match item {
+            Item::Route(route) if self.step(route.place) => self.route(frame, route, false),
+            Item::Proto(proto) if self.step(proto.place) => self.declare(frame, proto),
+            Item::Import { place, inline, exported, local } => self.import(frame, *place, inline, exported, local),
+            Item::Export { place, local, exported } => frame.exported.push((*place, local.clone(), exported.clone())),
+            _ => {}
+        }
+    }
+
+    /// A node, the use of one, or an instance; `None` where there is nothing to bake in it.
+    pub(super) fn node(&mut self, frame: &mut Frame, item: &NodeItem, above: u16) -> Option<NodeId> {
+        if !self.step(item.place) {
+            return None;
+        }
+        if above >= MAX_DEPTH {
+            self.error(item.place, format!("more than {MAX_DEPTH} nodes inside one another, with what is instantiated here"));
+            return None;
+        }
+        if let Some(name) = &item.usage {
+            return self.usage(frame, item, name, above);
+        }
+        let built_in = table::lookup(&item.name);
+        if let Some(prototype) = self.prototype(frame.scope, &item.name)
+            // Extensions are declared as external prototypes for viewers that do not know them.
+            && !(self.prototypes[prototype].is_external() && built_in.is_some_and(|kind| !kind.skipped))
+        {
+            return self.instance(frame, item, prototype, above);
+        }
+        match built_in {
+            Some(kind) if !kind.skipped => self.built_in(frame, item, kind, above),
+            Some(kind) => {
+                self.tally.add(item.place, format!("the node `{}` is not supported and was skipped", kind.name));
+                self.skip(frame, item, Some(kind), above)
+            }
+            None => {
+                self.tally.add(item.place, format!("the node `{}` is unknown and was skipped", shown(&item.name)));
+                self.skip(frame, item, None, above)
+            }
+        }
+    }
+
+    /// Passes a node by. Nodes with a DEF inside it are read all the same: they may be used elsewhere.
+    pub(super) fn skip(&mut self, frame: &mut Frame, item: &NodeItem, kind: Option<&'static NodeType>, above: u16) -> Option<NodeId> {
+        if let Some(def) = &item.def {
+            frame.names.insert(def.clone(), Target::Skipped(kind));
+        }
+        self.skip_items(frame, &item.body, above + 1);
+        None
+    }
+
+    fn skip_items(&mut self, frame: &mut Frame, items: &[Item], above: u16) {
+        for item in items {
+            match item {
+                Item::Node(node) if node.usage.is_some() => {}
+                Item::Node(node) if node.def.is_some() => {
+                    self.node(frame, node, above);
+                }
+                Item::Node(node) => self.skip_items(frame, &node.body, above),
+                Item::Field(FieldItem { written: Written::Nodes(nodes), .. }) => self.skip_items(frame, nodes, above),
+                other => self.statement(frame, other),
+            }
+        }
+    }
+
+    /// `USE name`.
+    fn usage(&mut self, frame: &Frame, item: &NodeItem, name: &str, above: u16) -> Option<NodeId> {
+        let id = match frame.names.get(name) {
+            Some(Target::Node(id) | Target::Instance(id, _)) => *id,
+            Some(Target::Skipped(_)) => return None,
+            None => {
+                self.warn(item.place, format!("USE `{}`: no node of this name before it; it was skipped", shown(name)));
+                return None;
+            }
+        };
+        if self.is_open(id) {
+            self.warn(item.place, format!("USE `{}`: the node would contain itself; it was skipped", shown(name)));
+            return None;
+        }
+        let kind = self.node_of(id).kind.name;
+        if !item.name.is_empty() && table::lookup(&item.name).is_some_and(|k| k.name != kind) {
+            self.warn(item.place, format!("USE `{}` is said to be a `{}` and is a `{kind}`", shown(name), shown(&item.name)));
+        }
+        self.fits(id, item.place, above).then_some(id)
+    }
+
+    /// A node of the table.
+    fn built_in(&mut self, frame: &mut Frame, item: &NodeItem, kind: &'static NodeType, above: u16) -> Option<NodeId> {
+        let def = item.def.as_deref().map(Arc::from);
+        let id = self.push(Node { kind, place: item.place, def, fields: vec![], height: 1 })?;
+        if let Some(def) = &item.def {
+            frame.names.insert(def.clone(), Target::Node(id));
+        }
+        self.open.push(id);
+        let mut children = Children::new();
+        for element in &item.body {
+            match element {
+                Item::Field(field) => self.field(frame, id, field, above),
+                Item::Node(child) => self.child(frame, id, child, &mut children, above),
+                Item::Declared { place } => {
+                    self.tally.add(*place, format!("fields that a `{}` declares for itself were skipped", kind.name));
+                }
+                other => self.statement(frame, other),
+            }
+        }
+        for (field, place, ids) in children {
+            self.set_nodes(id, field, place, ids, above);
+        }
+        self.later_defaults(frame, id);
+        if matches!(kind.name, "Inline" | "KambiInline") {
+            self.inline(frame, id, item.def.is_some(), above);
+        }
+        self.open.pop();
+        Some(id)
+    }
+
+    /// Defaults that the standard has changed hold for files of the later version.
+    fn later_defaults(&mut self, frame: &Frame, id: NodeId) {
+        let kind = self.node_of(id).kind;
+        for (index, field) in kind.fields.iter().enumerate() {
+            if let Some((version, value)) = &field.since
+                && frame.file.version >= *version
+                && self.node_of(id).get(index as u16).is_none()
+            {
+                let place = self.node_of(id).place;
+                self.set(id, index as u16, place, value.clone(), 0);
+            }
+        }
+    }
+
+    /// A field with its value.
+    fn field(&mut self, frame: &mut Frame, id: NodeId, item: &FieldItem, above: u16) {
+        if !self.step(item.place) {
+            return;
+        }
+        let kind = self.node_of(id).kind;
+        let Some((index, field)) = kind.field(&item.name) else {
+            self.tally.add(item.place, format!("the field `{}` of `{}` is unknown and was skipped", shown(&item.name), kind.name));
+            if let Written::Nodes(items) = &item.written {
+                self.skip_items(frame, items, above + 1);
+            }
+            return;
+        };
+        if let Written::Is(name) = &item.written {
+            return self.connect(frame, id, (index, field), name, item.place, above);
+        }
+        if !field.access.has_value() {
+            let message = format!("the field `{}` of `{}` is an event and has no value; the value was skipped", field.name, kind.name);
+            return self.warn(item.place, message);
+        }
+        match &item.written {
+            Written::Nodes(items) if field.ty.base == Base::Node => {
+                let ids = self.items(frame, items, above + 1);
+                self.set_nodes(id, index, item.place, ids, above);
+            }
+            _ => {
+                let what = format!("the field `{}` of `{}`", field.name, kind.name);
+                if let Some(value) = self.simple(frame, item, field.ty, field.angle, &what) {
+                    self.set(id, index, item.place, value, above);
+                }
+            }
+        }
+    }
+
+    /// A value that is no node, of a type that the table or a prototype tells; it is read once.
+    pub(super) fn simple(&mut self, frame: &Frame, item: &FieldItem, ty: FieldType, angle: bool, what: &str) -> Option<Value> {
+        if let Some(value) = item.read.get() {
+            return value.clone();
+        }
+        let value = match &item.written {
+            Written::Text(span) => self.literal(frame, item, span, ty, angle, what),
+            // NULL, which is no value of any other type.
+            Written::Nodes(nodes) if nodes.is_empty() => {
+                self.warn(item.place, format!("{what} is {ty} and cannot be NULL; it was skipped"));
+                None
+            }
+            _ => {
+                self.error(item.place, format!("{what} is {ty} and cannot be a node"));
+                None
+            }
+        };
+        item.read.get_or_init(|| value).clone()
+    }
+
+    fn literal(&mut self, frame: &Frame, item: &FieldItem, span: &Span, ty: FieldType, angle: bool, what: &str) -> Option<Value> {
+        let source = &frame.file.source;
+        let text = span.of(source);
+        // Pieces put together have no line but that of the whole.
+        let place = |at: usize| if matches!(span, Span::Range(_)) { item.place.behind(&text[..at.min(text.len())]) } else { item.place };
+        match literal::parse(ty, text, source.form) {
+            Ok((value, remark)) => {
+                if let Some(remark) = remark {
+                    self.warn(place(remark.at), format!("{what} has {}", remark.message));
+                }
+                Some(in_radians(value, ty, angle, frame.angle))
+            }
+            Err(fault) => {
+                self.error(place(fault.at), format!("{what} has {}", fault.message));
+                None
+            }
+        }
+    }
+
+    /// Gives a field of nodes its nodes.
+    pub(super) fn set_nodes(&mut self, id: NodeId, field: u16, place: Place, mut ids: Vec<NodeId>, above: u16) {
+        let kind = self.node_of(id).kind;
+        let spec = &kind.fields[usize::from(field)];
+        if !spec.ty.many && ids.len() > 1 {
+            self.warn(
+                place,
+                format!("the field `{}` of `{}` holds one node and was given {}; the last counts", spec.name, kind.name, ids.len()),
+            );
+            ids.drain(..ids.len() - 1);
+        }
+        self.set(id, field, place, Value::Nodes(ids.into()), above);
+    }
+
+    /// A child that says its field by `containerField`, or by its type.
+    fn child(&mut self, frame: &mut Frame, parent: NodeId, item: &NodeItem, children: &mut Children, above: u16) {
+        let Some(id) = self.node(frame, item, above + 1) else { return };
+        let parent_kind = self.node_of(parent).kind;
+        let kind = self.node_of(id).kind;
+        let container = item.container.as_deref().unwrap_or(kind.container);
+        match parent_kind.field(container) {
+            Some((field, Field { access, ty, .. })) if access.has_value() && ty.base == Base::Node => {
+                match children.iter_mut().find(|(f, ..)| *f == field) {
+                    Some((.., ids)) => ids.push(id),
+                    None => children.push((field, item.place, vec![id])),
+                }
+            }
+            _ => {
+                let message = format!(
+                    "`{}` has no field `{}` that could hold the node `{}`, which was skipped",
+                    parent_kind.name,
+                    shown(container),
+                    kind.name
+                );
+                self.warn(item.place, message);
+            }
+        }
+    }
+}
+
+/// Converts what are angles in a value from a file's unit.
+pub(super) fn in_radians(value: Value, ty: FieldType, angle: bool, factor: f32) -> Value {
+    let stride = if ty.base == Base::Rotation { 4 } else { 1 };
+    if factor == 1.0 || !(angle || ty.base == Base::Rotation) || ty.store() != Store::Floats {
+        return value;
+    }
+    match value {
+        Value::Floats(numbers) => {
+            Value::Floats(numbers.iter().enumerate().map(|(i, x)| if i % stride == stride - 1 { x * factor } else { *x }).collect())
+        }
+        other => other,
+    }
+}
+
+/// Whether a field can be one that a field of a prototype stands for.
+pub(super) fn stands_for(inner: Access, outer: Access) -> bool {
+    inner == outer || inner == Access::InputOutput
+}
