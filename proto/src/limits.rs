@@ -10,6 +10,8 @@ pub const TEXT_BYTES: u64 = 1 << 30;
 pub const TEXTURE_PIXELS: u64 = 16_384 * 16_384;
 /// Triangles of one scene.
 pub const TRIANGLES: usize = 50_000_000;
+/// Quads of one swept surface, whose number is the product of two lists' lengths and so grows faster than the file.
+pub const SWEPT_QUADS: usize = 500_000;
 /// Surfaces of one scene.
 pub const SURFACES: usize = 65_535;
 /// Lights, cameras or projectors of one scene.

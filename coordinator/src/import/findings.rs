@@ -83,6 +83,18 @@ impl Findings {
         self.counted.entry(what).or_insert_with(|| (at.problem(""), 0)).1 += 1;
     }
 
+    /// Makes errors of all warnings so far: where nothing is left, what was left out is the reason.
+    pub(super) fn promote(&mut self) {
+        let warnings = std::mem::take(self).into_parts();
+        self.errors = warnings.0;
+        warnings.1.into_iter().for_each(|w| self.push_error(w));
+    }
+
+    fn into_parts(mut self) -> (Vec<Problem>, Vec<Problem>) {
+        let errors = std::mem::take(&mut self.errors);
+        (errors, self.into_warnings())
+    }
+
     pub(super) fn has_errors(&self) -> bool {
         !self.errors.is_empty()
     }

@@ -9,6 +9,8 @@ pub enum Format {
     Obj,
     /// glTF 2.0, text or binary.
     Gltf,
+    /// X3D or VRML97, in any encoding, gzip or not.
+    X3d,
     /// A ZIP archive.
     Zip,
     /// A scene in a format that this version does not read.
@@ -16,13 +18,9 @@ pub enum Format {
 }
 
 /// Endings of the names of scenes that are read.
-const SCENES: [&str; 3] = ["obj", "gltf", "glb"];
+const SCENES: [&str; 11] = ["obj", "gltf", "glb", "x3d", "x3dv", "x3dj", "x3dz", "x3dvz", "wrl", "wrz", "vrml"];
 
-const LATER: [(&str, &str); 14] = [
-    ("x3d", "X3D"),
-    ("x3dv", "X3D"),
-    ("x3dz", "X3D"),
-    ("wrl", "VRML/X3D"),
+const LATER: [(&str, &str); 10] = [
     ("fbx", "FBX"),
     ("dae", "COLLADA"),
     ("blend", "Blender"),
@@ -63,30 +61,37 @@ pub fn detect(name: &str, bytes: &[u8]) -> Format {
     if bytes.starts_with(b"PK\x03\x04") || bytes.starts_with(b"PK\x05\x06") {
         return Format::Zip;
     }
-    if starts(b"glTF") || starts(b"{") {
+    if starts(b"glTF") {
         return Format::Gltf;
     }
-    let by_content = [
-        (b"#X3D".as_slice(), "X3D"),
-        (b"#VRML", "VRML/X3D"),
-        (b"<?xml", "XML (X3D or COLLADA)"),
-        (b"<X3D", "X3D"),
-        (b"Kaydara FBX", "FBX"),
-        (b"BLENDER", "Blender"),
-        (b"ply\n", "PLY"),
-        (b"ply\r", "PLY"),
-        (b"\x1f\x8b", "a gzip stream"),
-    ];
+    if let Some(inside) = text.strip_prefix(b"{") {
+        return if inside.trim_ascii_start().starts_with(b"\"X3D\"") { Format::X3d } else { Format::Gltf };
+    }
+    if starts(b"<") {
+        let is_collada = text.windows(8).any(|w| w == b"<COLLADA");
+        return if is_collada { Format::Unsupported("COLLADA") } else { Format::X3d };
+    }
+    if starts(b"#X3D") || starts(b"#VRML") || bytes.starts_with(b"\x1f\x8b") {
+        return Format::X3d;
+    }
+    let by_content = [(b"Kaydara FBX".as_slice(), "FBX"), (b"BLENDER", "Blender"), (b"ply\n", "PLY"), (b"ply\r", "PLY")];
     let found = by_content.iter().find(|(magic, _)| starts(magic)).map(|(_, what)| *what);
-    let by_name = || if matches!(extension(name).as_str(), "gltf" | "glb") { Format::Gltf } else { Format::Obj };
-    found.or_else(|| unsupported_by_name(name)).map_or_else(by_name, Format::Unsupported)
+    found.or_else(|| unsupported_by_name(name)).map_or_else(|| by_name(name), Format::Unsupported)
+}
+
+fn by_name(name: &str) -> Format {
+    match extension(name).as_str() {
+        "gltf" | "glb" => Format::Gltf,
+        ending if is_scene(name) && ending != "obj" => Format::X3d,
+        _ => Format::Obj,
+    }
 }
 
 /// Why a scene of an unread format is refused.
 #[must_use]
 pub fn refusal(file: &str, what: &str) -> Problem {
     let message = format!(
-        "this is {what}, which this version does not import; it imports Wavefront OBJ with MTL and glTF 2.0, as a file, several files or a ZIP"
+        "this is {what}, which this version does not import; it imports Wavefront OBJ with MTL, glTF 2.0, X3D and VRML97, as a file, several files or a ZIP"
     );
     Problem { message, file: Some(file.to_owned()), line: None }
 }
@@ -102,7 +107,11 @@ mod tests {
         assert_eq!(detect("a.obj", b"glTF\x02\0\0\0"), Format::Gltf);
         assert_eq!(detect("a.obj", b"\xef\xbb\xbf  {\"asset\": {}}"), Format::Gltf);
         assert_eq!(detect("a.glb", b"\0\0"), Format::Gltf);
-        assert_eq!(detect("a.wrl", b"#VRML V2.0 utf8\n"), Format::Unsupported("VRML/X3D"));
+        assert_eq!(detect("a.obj", b"#VRML V2.0 utf8\n"), Format::X3d);
+        assert_eq!(detect("a.json", b"{ \"X3D\": {}}"), Format::X3d);
+        assert_eq!(detect("a.xml", b"<?xml version='1.0'?><X3D/>"), Format::X3d);
+        assert_eq!(detect("a.dae", b"<?xml version='1.0'?><COLLADA/>"), Format::Unsupported("COLLADA"));
+        assert_eq!(detect("a.x3dz", b"\x1f\x8b\x08"), Format::X3d);
         assert_eq!(detect("dir.x/scene.STL", b"solid"), Format::Unsupported("STL"));
         assert_eq!(detect("dir.stl/scene", b""), Format::Obj);
     }

@@ -36,7 +36,7 @@ pub(super) struct Image {
 /// The textures of a scene so far.
 #[derive(Debug, Default)]
 pub(super) struct Images {
-    known: BTreeMap<(String, bool), Option<Image>>,
+    images: BTreeMap<(String, bool), Option<Image>>,
     bytes: u64,
     /// The textures.
     pub(super) textures: Vec<Texture>,
@@ -55,6 +55,13 @@ impl Images {
         self.bytes(path.as_str(), wanted, at, findings, || bundle.read(path, limits::BUNDLE_BYTES))
     }
 
+    /// What became of an image that somebody has asked for before; `None` where it has to be decoded.
+    pub(super) fn known(&self, name: &str, wanted: Wanted) -> Option<Option<Image>> {
+        let image = *self.images.get(&key(name, wanted))?;
+        let serves = |image: Image| !wanted.alpha || !image.transparent || self.textures[image.id as usize].has_alpha;
+        image.is_none_or(serves).then_some(image)
+    }
+
     /// The texture of image bytes under a name that stands for exactly these bytes.
     pub(super) fn bytes<'b>(
         &mut self,
@@ -64,21 +71,18 @@ impl Images {
         findings: &mut Findings,
         read: impl FnOnce() -> Result<Cow<'b, [u8]>, Problem>,
     ) -> Option<Image> {
-        let key = (name.to_owned(), wanted.coding == Coding::Linear);
-        let known = self.known.get(&key).copied();
-        let place = match known {
-            Some(None) => return None,
-            Some(Some(image)) if !wanted.alpha || !image.transparent || self.textures[image.id as usize].has_alpha => return Some(image),
-            Some(Some(image)) => Some(image.id),
-            None => None,
-        };
+        if let Some(known) = self.known(name, wanted) {
+            return known;
+        }
+        let key = key(name, wanted);
+        let place = self.images.get(&key).copied().flatten().map(|image| image.id);
         let bytes = read().map_err(|problem| findings.push_error(problem)).ok();
         let decoded = bytes.and_then(|bytes| {
             let decoded = texture::decode(name, &bytes, wanted.coding, wanted.alpha);
             decoded.map_err(|e| findings.error(at, format!("the image `{name}` {e}"))).ok()
         });
         let image = decoded.and_then(|decoded| self.keep(decoded, place, at, findings));
-        self.known.insert(key, image);
+        self.images.insert(key, image);
         image
     }
 
@@ -98,11 +102,10 @@ impl Images {
         }
         Some(Image { id, transparent })
     }
+}
 
-    /// Adds a texture that an importer made itself.
-    pub(super) fn push(&mut self, texture: Texture, at: At<'_>, findings: &mut Findings) -> Option<Image> {
-        self.keep(Decoded { texture, transparent: false }, None, at, findings)
-    }
+fn key(name: &str, wanted: Wanted) -> (String, bool) {
+    (name.to_owned(), wanted.coding == Coding::Linear)
 }
 
 #[cfg(test)]

@@ -10,6 +10,7 @@ mod findings;
 pub mod format;
 mod gltf;
 mod images;
+pub mod mesh;
 mod name;
 pub mod obj;
 mod texture;
@@ -22,7 +23,10 @@ pub use bundle::{Bundle, BundlePath, Content, Part};
 use crate::records::{Problem, SceneStatistics};
 use findings::{At, Findings};
 use format::Format;
-use kiln_proto::{limits, scene::Scene};
+use kiln_proto::{limits, options::ImportOptions, scene::Scene};
+
+/// The key of the warning that a scene has no light, which is said once.
+const NO_LIGHT: &str = "no light";
 
 /// What an import yields.
 #[derive(Debug, Clone, PartialEq)]
@@ -40,9 +44,9 @@ pub struct Imported {
 ///
 /// # Errors
 /// Every fault found, located, in the order found; at least one.
-pub fn import_bundle(bundle: &Bundle) -> Result<Imported, Vec<Problem>> {
+pub fn import_bundle(bundle: &Bundle, options: &ImportOptions) -> Result<Imported, Vec<Problem>> {
     let mut findings = Findings::default();
-    let scene = import(bundle, &mut findings);
+    let scene = import(bundle, options, &mut findings);
     match scene {
         Some(scene) if !findings.has_errors() => {
             let statistics = statistics(&scene);
@@ -52,39 +56,45 @@ pub fn import_bundle(bundle: &Bundle) -> Result<Imported, Vec<Problem>> {
     }
 }
 
-fn import(bundle: &Bundle, findings: &mut Findings) -> Option<Scene> {
+fn import(bundle: &Bundle, options: &ImportOptions, findings: &mut Findings) -> Option<Scene> {
     let main = bundle.main();
-    let bytes = match bundle.read(main, limits::TEXT_BYTES) {
-        Ok(bytes) => bytes,
-        Err(problem) => {
-            findings.push_error(problem);
-            return None;
-        }
-    };
-    let scene = match format::detect(main.as_str(), &bytes) {
-        Format::Obj => obj::import(bundle, &bytes, findings)?,
-        Format::Gltf => gltf::import(bundle, main, &bytes, None, findings)?,
-        Format::Zip => {
-            findings.error(At::file(main.as_str()), "this is a ZIP inside the bundle; send it by itself");
-            return None;
-        }
-        Format::Unsupported(what) => {
-            findings.push_error(format::refusal(main.as_str(), what));
-            return None;
-        }
-    };
+    let scene = import_file(bundle, main, options, findings)?;
     if findings.has_errors() {
         return None;
     }
     if !scene.has_light() {
-        findings
-            .warn(At::file(main.as_str()), "nothing in the scene emits light (no light, no material in use that shines): it will be black");
+        let message = "nothing in the scene emits light (no light, no environment, no material in use that shines): it will be black";
+        findings.warn_once(At::file(main.as_str()), NO_LIGHT, message);
     }
     if let Err(invalid) = scene.validate() {
         findings.error(At::file(main.as_str()), format!("the scene is not valid: {invalid}"));
         return None;
     }
     Some(scene)
+}
+
+/// The scene of one file of the bundle, the main one or one that it inlines.
+fn import_file(bundle: &Bundle, file: &BundlePath, options: &ImportOptions, findings: &mut Findings) -> Option<Scene> {
+    let bytes = match bundle.read(file, limits::TEXT_BYTES) {
+        Ok(bytes) => bytes,
+        Err(problem) => {
+            findings.push_error(problem);
+            return None;
+        }
+    };
+    match format::detect(file.as_str(), &bytes) {
+        Format::Obj => obj::import(bundle, file, &bytes, findings),
+        Format::Gltf => gltf::import(bundle, file, &bytes, options.time, findings),
+        Format::X3d => x3d::import(bundle, file, &bytes, options, findings),
+        Format::Zip => {
+            findings.error(At::file(file.as_str()), "this is a ZIP inside the bundle; send it by itself");
+            None
+        }
+        Format::Unsupported(what) => {
+            findings.push_error(format::refusal(file.as_str(), what));
+            None
+        }
+    }
 }
 
 /// Counts of a scene.

@@ -13,7 +13,7 @@ fn bundle_of(files: &[(&str, &[u8])], main: &str) -> Bundle {
 
 fn import_files(files: &[(&str, &str)]) -> Result<Imported, Vec<Problem>> {
     let files: Vec<(&str, &[u8])> = files.iter().map(|(n, t)| (*n, t.as_bytes())).collect();
-    import_bundle(&bundle_of(&files, files[0].0))
+    import_bundle(&bundle_of(&files, files[0].0), &ImportOptions::default())
 }
 
 fn shown(problems: &[Problem]) -> Vec<String> {
@@ -23,7 +23,7 @@ fn shown(problems: &[Problem]) -> Vec<String> {
 fn own(name: &str) -> Result<Imported, Vec<Problem>> {
     let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../tests/scenes/obj").join(name);
     let (bundle, _) = bundle::collect(&path, &std::env::temp_dir()).unwrap();
-    import_bundle(&bundle)
+    import_bundle(&bundle, &ImportOptions::default())
 }
 
 const TRIANGLE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
@@ -198,7 +198,7 @@ fn faces_may_come_before_their_vertices_but_not_without_them() {
 
 #[test]
 fn other_formats_are_refused_by_name() {
-    for (name, text) in [("a.obj", "Kaydara FBX Binary"), ("a.obj", "#X3D V3.3 utf8")] {
+    for (name, text) in [("a.obj", "Kaydara FBX Binary"), ("a.obj", "<?xml version='1.0'?><COLLADA/>")] {
         let problems = import_files(&[(name, text)]).unwrap_err();
         assert!(problems[0].message.contains("Wavefront OBJ") && problems[0].file.as_deref() == Some("a.obj"));
     }
@@ -239,7 +239,7 @@ proptest! {
         let obj = mutate(SEED_OBJ.as_bytes(), &obj);
         let mtl = mtl.map_or(SEED_MTL.as_bytes().to_vec(), |e| mutate(SEED_MTL.as_bytes(), &e));
         let png = std::fs::read(PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../tests/scenes/obj/checker board.png")).unwrap();
-        match import_bundle(&bundle_of(&[("a.obj", &obj), ("m.mtl", &mtl), ("t.png", &png)], "a.obj")) {
+        match import_bundle(&bundle_of(&[("a.obj", &obj), ("m.mtl", &mtl), ("t.png", &png)], "a.obj"), &ImportOptions::default()) {
             Ok(imported) => {
                 prop_assert_eq!(imported.scene.validate(), Ok(()));
                 let bytes = imported.scene.to_bytes().unwrap();

@@ -4,20 +4,20 @@
 //! its normals reversed. Making the copy here rather than in the worker keeps one rule for everything behind the import: a triangle reflects
 //! and emits on its front.
 
-use super::name::{Stems, unique};
+use super::name::{Names, Stems};
 use kiln_proto::scene::{Scene, Surface, Triangle};
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 /// Gives a back to every surface whose entry in `two_sided` is true, right behind its front.
 pub(super) fn split(scene: &mut Scene, two_sided: &[bool]) {
     let fronts = std::mem::take(&mut scene.surfaces);
-    let mut names: BTreeSet<String> = fronts.iter().map(|s| s.name.clone()).collect();
+    let mut names = Names::of(fronts.iter().map(|s| s.name.as_str()));
     let mut stems = Stems::of(fronts.iter().map(|s| s.file_stem.as_str()));
     let mut reversed = BTreeMap::new();
     for (at, front) in fronts.into_iter().enumerate() {
         let index = scene.surfaces.len() as u32;
         let back = two_sided.get(at).copied().unwrap_or(false).then(|| {
-            let name = unique(&format!("{}~back", front.name), |candidate| names.insert(candidate.to_owned()));
+            let name = names.take(&format!("{}~back", front.name));
             let file_stem = stems.take(&format!("{}~back", front.file_stem));
             let mut back = back_of(&front, index, name, file_stem);
             let normals = &mut scene.normals;

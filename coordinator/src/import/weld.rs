@@ -3,11 +3,9 @@
 //! Equality is that of bits after -0.0 became 0.0, never nearness: a distance below which points are one depends on the author's units.
 //! Cost: a hash look-up per corner; the tables are looked up and never iterated, so their order reaches nothing.
 
-use glam::{DVec3, Vec3};
+use super::mesh::has_no_area;
+use glam::Vec3;
 use std::collections::{HashMap, HashSet};
-
-/// A triangle whose doubled area is below this share of its longest side squared has no direction to speak of.
-const NO_AREA: f64 = 1e-10;
 
 /// The vertices and triangles of a scene so far.
 #[derive(Debug, Default)]
@@ -77,11 +75,6 @@ impl Weld {
         }
         if self.seen.insert(least_first(corners)) { Ok(()) } else { Err(Left::Repeated) }
     }
-}
-
-fn has_no_area([a, b, c]: [DVec3; 3]) -> bool {
-    let longest = (b - a).length_squared().max((c - b).length_squared()).max((a - c).length_squared());
-    (b - a).cross(c - a).length() <= NO_AREA * longest
 }
 
 /// The same triangle begun at its lowest corner: rotations are equal, mirror images are not.

@@ -29,7 +29,7 @@ pub fn collect(main: &Path, scratch: &Path) -> Result<(Bundle, Vec<Problem>), Pr
     match format {
         Format::Zip => return Ok((Bundle::from_parts(vec![part], None, scratch)?, vec![])),
         Format::Unsupported(what) => return Err(super::format::refusal(&shown, what)),
-        Format::Obj | Format::Gltf => {}
+        Format::Obj | Format::Gltf | Format::X3d => {}
     }
     let root = BundlePath::parse(name).map_err(|e| problem(&shown, e.to_string()))?;
     let parent = main.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));

@@ -133,7 +133,7 @@ proptest! {
             bytes.truncate(usize::from(cut) % bytes.len());
         }
         if let Ok(bundle) = unzip(&bytes) {
-            let _ = import_bundle(&bundle);
+            let _ = import_bundle(&bundle, &kiln_proto::options::ImportOptions::default());
         }
     }
 }

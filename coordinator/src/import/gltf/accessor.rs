@@ -5,20 +5,10 @@
 
 use super::{
     buffer::{Buffers, MESHOPT, View},
+    element::{Component, Shape},
     json::Json,
     report::Report,
 };
-
-/// The type of a component.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Component {
-    I8,
-    U8,
-    I16,
-    U16,
-    U32,
-    F32,
-}
 
 /// A checked accessor.
 #[derive(Debug, Clone)]
@@ -32,16 +22,10 @@ pub(super) struct Accessor<'d> {
     /// Elements.
     pub(super) count: usize,
     shape: Shape,
+    /// The largest number in it.
+    highest: f64,
     base: Option<Run>,
     sparse: Option<Sparse>,
-}
-
-/// Columns and rows of an element; a vector is one column.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-struct Shape {
-    name: &'static str,
-    columns: usize,
-    rows: usize,
 }
 
 /// Elements in a view.
@@ -58,79 +42,6 @@ struct Sparse {
     kind: Component,
     indices: Run,
     values: Run,
-}
-
-const SHAPES: [Shape; 7] = [
-    Shape { name: "SCALAR", columns: 1, rows: 1 },
-    Shape { name: "VEC2", columns: 1, rows: 2 },
-    Shape { name: "VEC3", columns: 1, rows: 3 },
-    Shape { name: "VEC4", columns: 1, rows: 4 },
-    Shape { name: "MAT2", columns: 2, rows: 2 },
-    Shape { name: "MAT3", columns: 3, rows: 3 },
-    Shape { name: "MAT4", columns: 4, rows: 4 },
-];
-
-impl Component {
-    fn of(code: u64) -> Option<Self> {
-        [Self::I8, Self::U8, Self::I16, Self::U16, Self::U32, Self::F32].into_iter().find(|c| u64::from(c.code()) == code)
-    }
-
-    /// The number that stands for it in a file.
-    pub(super) fn code(self) -> u32 {
-        match self {
-            Self::I8 => 5120,
-            Self::U8 => 5121,
-            Self::I16 => 5122,
-            Self::U16 => 5123,
-            Self::U32 => 5125,
-            Self::F32 => 5126,
-        }
-    }
-
-    /// Bytes.
-    pub(super) fn size(self) -> usize {
-        match self {
-            Self::I8 | Self::U8 => 1,
-            Self::I16 | Self::U16 => 2,
-            Self::U32 | Self::F32 => 4,
-        }
-    }
-
-    fn read(self, b: &[u8]) -> f64 {
-        match (self, b) {
-            (Self::I8, [a, ..]) => f64::from(*a as i8),
-            (Self::U8, [a, ..]) => f64::from(*a),
-            (Self::I16, [a, b, ..]) => f64::from(i16::from_le_bytes([*a, *b])),
-            (Self::U16, [a, b, ..]) => f64::from(u16::from_le_bytes([*a, *b])),
-            (Self::U32, [a, b, c, d, ..]) => f64::from(u32::from_le_bytes([*a, *b, *c, *d])),
-            (Self::F32, [a, b, c, d, ..]) => f64::from(f32::from_le_bytes([*a, *b, *c, *d])),
-            _ => 0.0,
-        }
-    }
-
-    /// What an integer stands for where it is normalized (glTF 2.0, section 3.6.2.2).
-    fn normal(self, v: f64) -> f64 {
-        match self {
-            Self::I8 => (v / 127.0).max(-1.0),
-            Self::U8 => v / 255.0,
-            Self::I16 => (v / 32_767.0).max(-1.0),
-            Self::U16 => v / 65_535.0,
-            Self::U32 | Self::F32 => v,
-        }
-    }
-}
-
-impl Shape {
-    /// Bytes from column to column: columns of matrices begin at multiples of 4.
-    fn column(self, component: Component) -> usize {
-        let bytes = self.rows * component.size();
-        if self.columns > 1 { bytes.next_multiple_of(4) } else { bytes }
-    }
-
-    /// Bytes from the first to the last component.
-    fn size(self, component: Component) -> usize {
-        self.column(component) * (self.columns - 1) + self.rows * component.size()
-    }
 }
 
 impl<'d> Accessor<'d> {
@@ -157,15 +68,20 @@ impl<'d> Accessor<'d> {
             report.error(json, format!("{count} elements without bytes of their own are more than an input of {most} bytes may unfold to"));
             return None;
         }
-        let accessor = Self { json, component, normalized, count, shape, base, sparse };
+        let mut accessor = Self { json, component, normalized, count, shape, highest: 0.0, base, sparse };
         accessor.check_sparse_order(buffers, report)?;
-        accessor.check_values(buffers, report)?;
+        accessor.highest = accessor.check_values(buffers, report)?;
         Some(accessor)
     }
 
     /// Numbers of an element.
     pub(super) fn width(&self) -> usize {
         self.shape.columns * self.shape.rows
+    }
+
+    /// The largest of its numbers, for integers: as they are stored.
+    pub(super) fn highest(&self) -> usize {
+        self.highest as usize
     }
 
     /// Whether it has bytes of its own; it is all zeros otherwise.
@@ -227,7 +143,7 @@ impl<'d> Accessor<'d> {
     }
 
     /// Refuses numbers that are not finite, and compares `min` and `max` with the data, which count.
-    fn check_values(&self, buffers: &Buffers<'_>, report: &mut Report<'_>) -> Option<()> {
+    fn check_values(&self, buffers: &Buffers<'_>, report: &mut Report<'_>) -> Option<f64> {
         let width = self.width();
         let (mut low, mut high) = ([f64::INFINITY; 16], [f64::NEG_INFINITY; 16]);
         let mut element = [0.0; 16];
@@ -244,7 +160,7 @@ impl<'d> Accessor<'d> {
         }
         self.check_bound("min", &low[..width], report);
         self.check_bound("max", &high[..width], report);
-        Some(())
+        Some(high[..width].iter().copied().fold(f64::NEG_INFINITY, f64::max))
     }
 
     fn check_bound(&self, name: &str, actual: &[f64], report: &mut Report<'_>) {
@@ -306,7 +222,7 @@ fn header(json: Json<'_>, report: &mut Report<'_>) -> Option<(Component, Shape, 
         component
     });
     let shape = kind.and_then(|at| {
-        let shape = at.string().and_then(|name| SHAPES.into_iter().find(|s| s.name == name));
+        let shape = at.string().and_then(|name| Shape::of(&name));
         if shape.is_none() {
             report.error(at, "this is no accessor type; there are SCALAR, VEC2, VEC3, VEC4, MAT2, MAT3 and MAT4");
         }
@@ -337,7 +253,7 @@ fn sparse(at: Json<'_>, component: Component, shape: Shape, all: usize, buffers:
     };
     let count = count as usize;
     let (index_view, value_view) = (report.required(indices, "bufferView")?, report.required(values, "bufferView")?);
-    let indices = run(index_view, indices, (kind, SHAPES[0], count), Some(kind.size()), buffers, report)?;
+    let indices = run(index_view, indices, (kind, Shape::SCALAR, count), Some(kind.size()), buffers, report)?;
     let values = run(value_view, values, (component, shape, count), Some(shape.size(component)), buffers, report)?;
     Some(Sparse { count, kind, indices, values })
 }
@@ -367,7 +283,7 @@ fn run(
         report.error(owner, format!("{count} elements from byte {offset} take {wanted} bytes, but buffer view {index} has {}", view.len));
         return None;
     }
-    if (offset + view.start() as u64) % component.size() as u64 != 0 || stride % component.size() != 0 {
+    if !(offset as usize + view.start()).is_multiple_of(component.size()) || !stride.is_multiple_of(component.size()) {
         report.count(owner, "accessors whose elements are not aligned to their components (read all the same)");
     }
     Some(Run { view, offset: offset as usize, stride })

@@ -4,13 +4,15 @@
 //! section 3.11). Without a time nothing happens: the rest pose.
 
 use super::{
-    accessor::{Accessor, Accessors, Component},
+    accessor::{Accessor, Accessors},
+    element::Component,
     json::Json,
     node::{Graph, Local, unit},
     report::Report,
 };
 use glam::{DQuat, DVec3};
 use kiln_proto::math;
+use std::collections::BTreeSet;
 
 /// How values between key frames come about.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -47,10 +49,15 @@ pub(super) fn apply(root: Json<'_>, graph: &mut Graph<'_>, accessors: &Accessors
     for animation in animations {
         let samplers: Vec<Option<Sampler<'_, '_>>> =
             report.objects(animation, "samplers").into_iter().map(|json| sampler(json, accessors, report)).collect();
+        let mut targets = BTreeSet::new();
         for channel in report.objects(animation, "channels") {
             let index = report.required(channel, "sampler").and_then(|at| report.index_at(at, "sampler", samplers.len()));
             let target = report.required(channel, "target");
             if let (Some(Some(sampler)), Some(target)) = (index.map(|i| &samplers[i]), target) {
+                let key = (target.get("node").and_then(Json::number).map(f64::to_bits), target.get("path").and_then(Json::string));
+                if !targets.insert(key) {
+                    report.count(channel, "channels of one animation move the same thing as another; the last one counts");
+                }
                 apply_channel(target, sampler, graph, accessors, time, report);
             }
         }
@@ -73,6 +80,9 @@ fn sampler<'s, 'd>(json: Json<'_>, accessors: &'s Accessors<'d, '_>, report: &mu
     if times.kind() != "SCALAR" || times.component != Component::F32 {
         report.error(input, "the times of a sampler are floats of type SCALAR");
         return None;
+    }
+    if times.json.get("min").is_none() || times.json.get("max").is_none() {
+        report.count(input, "times of key frames without `min` and `max`, which glTF wants (computed)");
     }
     let mut before = f64::NEG_INFINITY;
     for (i, [t]) in times.all(&accessors.buffers).enumerate() {

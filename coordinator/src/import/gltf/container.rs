@@ -13,8 +13,6 @@ pub(super) struct Parts<'b> {
     pub(super) text: &'b str,
     /// The first binary chunk.
     pub(super) binary: Option<&'b [u8]>,
-    /// Whether the text is the file itself.
-    pub(super) is_text: bool,
 }
 
 /// Whether a file of this name with these bytes is a binary glTF.
@@ -24,8 +22,7 @@ pub(super) fn is_binary(name: &str, bytes: &[u8]) -> bool {
 
 /// Takes a file apart.
 pub(super) fn open<'b>(name: &str, bytes: &'b [u8], report: &mut Report<'_>) -> Option<Parts<'b>> {
-    let is_text = !is_binary(name, bytes);
-    let opened = if is_text { Ok((0..bytes.len(), None)) } else { chunks(bytes, report) };
+    let opened = if is_binary(name, bytes) { chunks(bytes, report) } else { Ok((0..bytes.len(), None)) };
     let (json, binary) = opened.map_err(|message| report.error_in_file(message)).ok()?;
     let json = &bytes[json];
     if json.starts_with(b"\xef\xbb\xbf") {
@@ -33,7 +30,7 @@ pub(super) fn open<'b>(name: &str, bytes: &'b [u8], report: &mut Report<'_>) -> 
         return None;
     }
     match std::str::from_utf8(json) {
-        Ok(text) => Some(Parts { text, binary: binary.map(|range| &bytes[range]), is_text }),
+        Ok(text) => Some(Parts { text, binary: binary.map(|range| &bytes[range]) }),
         Err(e) => {
             report.error_in_file(format!("the JSON is not UTF-8: byte {} is no character", e.valid_up_to()));
             None

@@ -166,6 +166,11 @@ impl<'d> Json<'d> {
         self.inside(Kind::Array)
     }
 
+    /// How many elements an array has.
+    pub(super) fn len(self) -> usize {
+        self.items().count()
+    }
+
     /// The members of an object; nothing for anything else.
     pub(super) fn members(self) -> impl Iterator<Item = (Cow<'d, str>, Json<'d>)> {
         let mut values = self.inside(Kind::Object);

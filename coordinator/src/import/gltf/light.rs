@@ -5,17 +5,17 @@ use super::{
     node::Node,
     report::{POSITIVE, Report, SHARE},
 };
-use crate::import::name::unique;
+use crate::import::name::Names;
 use glam::{DMat4, DVec3};
 use kiln_proto::{
     limits,
     scene::{Camera, Falloff, Lens, Light, LightShape, Projection, SpotProfile},
     units::Rgb,
 };
-use std::{
-    collections::BTreeSet,
-    f64::consts::{FRAC_PI_2, FRAC_PI_4, PI},
-};
+use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
+
+/// The largest inner angle of a spot light as a share of the outer one; its falloff divides by the difference of their cosines.
+const HARD_EDGE: f64 = 0.999;
 
 /// A light before a node places it.
 #[derive(Debug, Clone, Copy)]
@@ -36,7 +36,7 @@ enum Kind {
 pub(super) fn lights(root: Json<'_>, nodes: &[&Node<'_>], report: &mut Report<'_>) -> Vec<Light> {
     let list = root.extension("KHR_lights_punctual").map(|e| report.objects(e, "lights")).unwrap_or_default();
     let lamps: Vec<Option<Lamp>> = list.iter().map(|json| lamp(*json, report)).collect();
-    let (mut lights, mut names) = (vec![], BTreeSet::new());
+    let (mut lights, mut names) = (vec![], Names::default());
     for node in nodes {
         let Some(extension) = node.json.extension("KHR_lights_punctual") else { continue };
         let index = report.required(extension, "light").and_then(|at| report.index_at(at, "light", lamps.len()));
@@ -46,8 +46,7 @@ pub(super) fn lights(root: Json<'_>, nodes: &[&Node<'_>], report: &mut Report<'_
             break;
         }
         let name = [node.json, list[index]].into_iter().find_map(name_of).unwrap_or_else(|| format!("light{index}"));
-        let name = unique(&name, |candidate| names.insert(candidate.to_owned()));
-        lights.push(lamp.place(name, node, report));
+        lights.push(lamp.place(names.take(&name), node, report));
     }
     lights
 }
@@ -74,11 +73,15 @@ fn lamp(json: Json<'_>, report: &mut Report<'_>) -> Option<Lamp> {
 fn spot(json: Json<'_>, report: &mut Report<'_>) -> Option<Kind> {
     let cone = report.required(json, "spot")?;
     let angle = 0.0..=FRAC_PI_2 + 1e-6;
-    let inner = report.number(cone, "innerConeAngle", 0.0, &angle);
     let outer = report.number(cone, "outerConeAngle", FRAC_PI_4, &angle);
-    if inner >= outer {
+    let mut inner = report.number(cone, "innerConeAngle", 0.0, &angle);
+    if inner > outer || outer == 0.0 {
         report.error(cone, format!("the inner angle {inner} of the cone must be less than the outer angle {outer}"));
         return None;
+    }
+    if inner > HARD_EDGE * outer {
+        report.count(cone, "spot lights without a soft edge, which glTF forbids, were given a narrow one");
+        inner = HARD_EDGE * outer;
     }
     Some(Kind::Spot { inner: inner as f32, outer: outer as f32 })
 }

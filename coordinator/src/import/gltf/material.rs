@@ -42,6 +42,17 @@ struct Converted {
     two_sided: bool,
 }
 
+/// The base colour of a material, whichever extension it is written in.
+#[derive(Clone, Copy)]
+struct Base<'d> {
+    /// What has the texture as a member.
+    owner: Option<Json<'d>>,
+    /// The name of that member.
+    texture: &'static str,
+    color: Rgb,
+    alpha: f32,
+}
+
 /// What a primitive needs to know of its material.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Chosen {
@@ -92,6 +103,19 @@ impl<'a, 'd> Materials<'a, 'd> {
         Chosen { id, two_sided, sets, has_normal_map }
     }
 
+    /// Checks what unused materials and textures refer to, and looks at unused images.
+    pub(super) fn check_unused(&self, report: &mut Report<'_>) {
+        for (_, json) in self.list.iter().enumerate().filter(|(i, _)| !self.converted.contains_key(&Some(*i))) {
+            let extensions = json.get("extensions").into_iter().flat_map(|e| e.members().map(|(_, extension)| extension));
+            for owner in [Some(*json), json.get("pbrMetallicRoughness")].into_iter().flatten().chain(extensions) {
+                for (_, info) in owner.members().filter(|(name, _)| name.ends_with("Texture")) {
+                    self.textures.check(info, report);
+                }
+            }
+        }
+        self.textures.check_unused(report);
+    }
+
     fn convert(&mut self, index: Option<usize>, report: &mut Report<'_>) -> Converted {
         let name = self.name(index);
         let Some(json) = index.and_then(|i| self.list.get(i)).copied() else {
@@ -100,8 +124,8 @@ impl<'a, 'd> Materials<'a, 'd> {
             return Converted { material: Material::new(name, Reflection::MetallicRoughness(plain)), two_sided: false };
         };
         let two_sided = report.boolean(json, "doubleSided", false);
-        let (base, alpha) = self.base(json, report);
-        let opacity = self.opacity(json, base, alpha, report);
+        let base = Self::base(json, report);
+        let opacity = self.opacity(json, base, report);
         if json.get("occlusionTexture").is_some() {
             report.warn_once(json, "occlusion", "occlusion textures are not read: the bake computes what they stand for (said once)");
         }
@@ -117,8 +141,8 @@ impl<'a, 'd> Materials<'a, 'd> {
             }
         }
         let mut pbr = match json.extension("KHR_materials_pbrSpecularGlossiness") {
-            Some(extension) => self.specular_glossiness(extension, report),
-            None => self.metallic_roughness(json, report),
+            Some(extension) => self.specular_glossiness(extension, base, report),
+            None => self.metallic_roughness(base, report),
         };
         self.specular(json, &mut pbr, report);
         self.transmission(json, &mut pbr, report);
@@ -129,18 +153,16 @@ impl<'a, 'd> Materials<'a, 'd> {
         Converted { material, two_sided }
     }
 
-    /// Where the base colour stands, and how opaque it is.
-    fn base(&mut self, json: Json<'d>, report: &mut Report<'_>) -> (Option<(Json<'d>, &'static str)>, f64) {
+    fn base(json: Json<'d>, report: &mut Report<'_>) -> Base<'d> {
         let (owner, factor, texture) = match json.extension("KHR_materials_pbrSpecularGlossiness") {
             Some(extension) => (Some(extension), "diffuseFactor", "diffuseTexture"),
             None => (json.get("pbrMetallicRoughness"), "baseColorFactor", "baseColorTexture"),
         };
-        let Some(owner) = owner else { return (None, 1.0) };
-        let alpha = report.vector::<4>(owner, factor, &SHARE).map_or(1.0, |[.., a]| a);
-        (Some((owner, texture)), alpha)
+        let [r, g, b, alpha] = owner.and_then(|owner| report.vector(owner, factor, &SHARE)).unwrap_or([1.0; 4]);
+        Base { owner, texture, color: rgb([r, g, b]), alpha: alpha as f32 }
     }
 
-    fn opacity(&mut self, json: Json<'d>, base: Option<(Json<'d>, &str)>, alpha: f64, report: &mut Report<'_>) -> Opacity {
+    fn opacity(&mut self, json: Json<'d>, base: Base<'d>, report: &mut Report<'_>) -> Opacity {
         let mode = match report.string(json, "alphaMode").as_deref() {
             None | Some("OPAQUE") => return Opacity::OPAQUE,
             Some("MASK") => AlphaMode::Mask { cutoff: report.number(json, "alphaCutoff", 0.5, &POSITIVE) as f32 },
@@ -150,47 +172,35 @@ impl<'a, 'd> Materials<'a, 'd> {
                 return Opacity::OPAQUE;
             }
         };
-        let found = base.and_then(|(owner, name)| self.textures.find(owner, name, Coding::Srgb, true, report));
-        Opacity { mode, factor: alpha as f32, texture: found.filter(|f| f.transparent).map(|f| f.reference) }
+        let found = base.owner.and_then(|owner| self.textures.find(owner, base.texture, Coding::Srgb, true, report));
+        Opacity { mode, factor: base.alpha, texture: found.filter(|f| f.transparent).map(|f| f.reference) }
     }
 
     /// KHR_materials_unlit: what shines with its base colour and reflects nothing.
-    fn unlit(
-        &mut self,
-        name: String,
-        json: Json<'d>,
-        base: Option<(Json<'d>, &'static str)>,
-        opacity: Opacity,
-        report: &mut Report<'_>,
-    ) -> Material {
+    fn unlit(&mut self, name: String, json: Json<'d>, base: Base<'d>, opacity: Opacity, report: &mut Report<'_>) -> Material {
         report.warn_once(
             json,
             "unlit",
             "unlit materials are taken as shining with their colour; they light what is around them (said once)",
         );
-        let emission = match json.get("pbrMetallicRoughness") {
-            Some(pbr) => report.vector::<4>(pbr, "baseColorFactor", &SHARE).map_or(Rgb::WHITE, |[r, g, b, _]| rgb([r, g, b])),
-            None => Rgb::WHITE,
-        };
-        let texture = base.and_then(|(owner, texture)| self.textures.find(owner, texture, Coding::Srgb, false, report));
-        Material { emission, emission_texture: texture.map(|t| t.reference), opacity, ..Material::new(name, Reflection::None) }
+        let texture = base.owner.and_then(|owner| self.textures.find(owner, base.texture, Coding::Srgb, false, report));
+        let emission_texture = texture.map(|t| t.reference);
+        Material { emission: base.color, emission_texture, opacity, ..Material::new(name, Reflection::None) }
     }
 
-    fn metallic_roughness(&mut self, json: Json<'d>, report: &mut Report<'_>) -> MetallicRoughness {
-        let Some(pbr) = json.get("pbrMetallicRoughness") else { return MetallicRoughness::plain(Rgb::WHITE, 1.0, 1.0) };
-        let [r, g, b, _] = report.vector(pbr, "baseColorFactor", &SHARE).unwrap_or([1.0; 4]);
+    fn metallic_roughness(&mut self, base: Base<'d>, report: &mut Report<'_>) -> MetallicRoughness {
+        let Some(pbr) = base.owner else { return MetallicRoughness::plain(Rgb::WHITE, 1.0, 1.0) };
         let metallic = report.number(pbr, "metallicFactor", 1.0, &SHARE) as f32;
         let roughness = report.number(pbr, "roughnessFactor", 1.0, &SHARE) as f32;
         MetallicRoughness {
-            layers: self.layers(pbr, "baseColorTexture", report),
+            layers: self.layers(pbr, base.texture, report),
             metallic_roughness_texture: self.linear(pbr, "metallicRoughnessTexture", report),
-            ..MetallicRoughness::plain(rgb([r, g, b]), metallic, roughness)
+            ..MetallicRoughness::plain(base.color, metallic, roughness)
         }
     }
 
     /// KHR_materials_pbrSpecularGlossiness: a dielectric whose index of refraction and specular colour give the stated reflectance.
-    fn specular_glossiness(&mut self, extension: Json<'d>, report: &mut Report<'_>) -> MetallicRoughness {
-        let [r, g, b, _] = report.vector(extension, "diffuseFactor", &SHARE).unwrap_or([1.0; 4]);
+    fn specular_glossiness(&mut self, extension: Json<'d>, base: Base<'d>, report: &mut Report<'_>) -> MetallicRoughness {
         let specular = rgb(report.vector(extension, "specularFactor", &SHARE).unwrap_or([1.0; 3]));
         let gloss = report.number(extension, "glossinessFactor", 1.0, &SHARE) as f32;
         report.warn_once(extension, "gloss", "KHR_materials_pbrSpecularGlossiness was converted to metallic-roughness (said once)");
@@ -202,11 +212,11 @@ impl<'a, 'd> Materials<'a, 'd> {
         let ior = coat::ior_of(most);
         let scale = if most > 0.0 { 1.0 / most } else { 0.0 };
         MetallicRoughness {
-            layers: self.layers(extension, "diffuseTexture", report),
+            layers: self.layers(extension, base.texture, report),
             ior,
             specular_color: specular * scale,
             specular_color_texture: texture.map(|t| t.reference),
-            ..MetallicRoughness::plain(rgb([r, g, b]), 0.0, 1.0 - gloss)
+            ..MetallicRoughness::plain(base.color, 0.0, 1.0 - gloss)
         }
     }
 

@@ -1,7 +1,8 @@
 //! Meshes as the file describes them, checked whether a node shows them or not: which accessor is what, and that indices stay within.
 
 use super::{
-    accessor::{Accessor, Accessors, Component},
+    accessor::{Accessor, Accessors},
+    element::Component,
     json::Json,
     report::{ANY, Report},
 };
@@ -48,6 +49,9 @@ pub(super) struct Primitive<'s, 'd> {
     /// Index of its material.
     pub(super) material: Option<usize>,
 }
+
+/// Sets of joints and weights that are read: 32 joints a vertex.
+const INFLUENCES: usize = 8;
 
 /// What an attribute may be made of.
 struct Form {
@@ -128,6 +132,9 @@ fn primitive<'s, 'd>(
     if json.extension("KHR_materials_variants").is_some() {
         report.count(json, "primitives with material variants were imported in their default material (KHR_materials_variants)");
     }
+    if positions.json.get("min").is_none() || positions.json.get("max").is_none() {
+        report.count(at, "positions without `min` and `max`, which glTF wants (computed)");
+    }
     let mut primitive = Primitive {
         json,
         topology,
@@ -186,6 +193,9 @@ impl<'s, 'd> Primitive<'s, 'd> {
             Component::U16 => 65_535,
             _ => u32::MAX as usize,
         };
+        if indices.highest() < restart.min(vertices) {
+            return Some(());
+        }
         for (i, [v]) in indices.all(&accessors.buffers).enumerate() {
             let v = v as usize;
             if v == restart {
@@ -202,7 +212,7 @@ impl<'s, 'd> Primitive<'s, 'd> {
 
     fn check_count(&self, report: &mut Report<'_>) {
         let corners = self.corner_count();
-        if corners < 3 || (self.topology == Topology::Triangles && corners % 3 != 0) {
+        if corners < 3 || (self.topology == Topology::Triangles && !corners.is_multiple_of(3)) {
             report.count(self.json, "primitives whose last corners make no whole triangle (those were ignored)");
         }
     }
@@ -267,10 +277,13 @@ fn influences<'s, 'd>(
     report: &mut Report<'_>,
 ) -> Vec<(&'s Accessor<'d>, &'s Accessor<'d>)> {
     let mut found = vec![];
-    for set in 0.. {
+    for set in 0..=INFLUENCES {
         let (joints, weights) = (attributes.get(&format!("JOINTS_{set}")), attributes.get(&format!("WEIGHTS_{set}")));
         match (joints, weights) {
             (None, None) => break,
+            (Some(at), _) | (_, Some(at)) if set == INFLUENCES => {
+                report.count(at, "sets of joints and weights beyond the eighth were ignored");
+            }
             (Some(joints), Some(weights)) => {
                 let joints = of_form(joints, &JOINTS, Some(vertices), accessors, report);
                 found.extend(joints.zip(of_form(weights, &WEIGHTS, Some(vertices), accessors, report)));
@@ -292,7 +305,7 @@ fn targets<'s, 'd>(
 ) -> Option<Vec<[Option<&'s Accessor<'d>>; 2]>> {
     let mut found = vec![];
     for target in report.objects(json, "targets") {
-        let mut read = |name: &str, report: &mut Report<'_>| match target.get(name) {
+        let read = |name: &str, report: &mut Report<'_>| match target.get(name) {
             Some(at) => of_form(at, &VECTOR, Some(vertices), accessors, report).map(Some),
             None => Some(None),
         };

@@ -1,4 +1,4 @@
-//! glTF 2.0: `container` and `json` take the file apart, `extension` says whether it can be read at all, `buffer` and `accessor` give its
+//! glTF 2.0: `container` and `json` take the file apart, `extension` says whether it can be read at all, `buffer`, `accessor` and `element` give its
 //! numbers, `node`, `animation` and `deform` put things in their places, `mesh`, `material`, `texture` and `light` say what they are, and
 //! `surface` makes the scene of them.
 //!
@@ -12,6 +12,7 @@ mod buffer;
 mod coat;
 mod container;
 mod deform;
+mod element;
 mod extension;
 mod instance;
 mod json;
@@ -82,10 +83,10 @@ fn build(
 ) -> Option<Scene> {
     let (materials, cameras) = (report.objects(root, "materials"), report.objects(root, "cameras"));
     let meshes = mesh::load(root, accessors, materials.len(), report);
-    let counts = Counts { meshes: meshes.len(), skins: report.list(root, "skins").len(), cameras: cameras.len() };
+    let number_of = |list: &str| root.get(list).map_or(0, Json::len);
+    let counts = Counts { meshes: meshes.len(), skins: number_of("skins"), cameras: cameras.len() };
     let graph = Graph::load(root, counts, report);
-    let nodes = graph.as_ref().map_or(0, |g| g.nodes.len());
-    let skins = graph.is_some().then(|| deform::load_skins(root, nodes, accessors, report)).unwrap_or_default();
+    let skins = deform::load_skins(root, number_of("nodes"), accessors, report);
     let textures = texture::Textures::new(bundle, file, &accessors.buffers, root, report);
     let mut materials = material::Materials::new(materials, textures);
     let mut graph = graph?;
@@ -99,7 +100,7 @@ fn build(
         let source = surface::Source { accessors, meshes: &meshes, skins: &skins, graph: &graph };
         nodes.iter().try_for_each(|node| surfaces.add(node, &source, &mut materials, report));
     }
-    materials.textures.check_unused(report);
+    materials.check_unused(report);
     if surfaces.surfaces.is_empty() && !report.has_errors() {
         report.error_in_file("no node of the scene shows a triangle: there is nothing to bake");
     }

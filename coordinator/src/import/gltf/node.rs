@@ -97,13 +97,13 @@ impl<'d> Graph<'d> {
                 walk[at] = start + 1;
                 at = self.nodes[at].parent.unwrap_or(at);
             }
+            // This walk came back upon itself: around once more, to name them all.
             let first = at;
-            while walk[first] == start + 1 {
+            let mut left = walk[first] == start + 1;
+            while left {
                 report.error(self.nodes[at].json, "the node is part of a loop: it is its own ancestor");
                 at = self.nodes[at].parent.unwrap_or(first);
-                if at == first {
-                    break;
-                }
+                left = at != first;
             }
         }
         false

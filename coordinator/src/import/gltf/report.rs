@@ -8,7 +8,11 @@ use crate::{
     import::findings::{At, Findings},
     records::Problem,
 };
-use std::{borrow::Cow, collections::BTreeMap, ops::RangeInclusive};
+use std::{
+    borrow::Cow,
+    collections::{BTreeMap, BTreeSet},
+    ops::RangeInclusive,
+};
 
 /// Integers up to here are exact in a JSON number (IEEE 754 binary64).
 const EXACT: f64 = 9_007_199_254_740_992.0;
@@ -25,13 +29,17 @@ pub(super) struct Report<'f> {
     /// Whether lines mean something: the JSON is the file itself, not a chunk of it.
     has_lines: bool,
     findings: &'f mut Findings,
+    /// Errors so far: what several readers run into is told once. Bounded by the number of errors kept.
+    told: BTreeSet<String>,
+    /// The keys of warnings that are said once.
+    once: BTreeSet<String>,
     /// Warnings said once with a number: the first place and how many.
     counts: BTreeMap<&'static str, (String, Option<u32>, u64)>,
 }
 
 impl<'f> Report<'f> {
     pub(super) fn new(file: &'f str, has_lines: bool, findings: &'f mut Findings) -> Self {
-        Self { file, has_lines, findings, counts: BTreeMap::new() }
+        Self { file, has_lines, findings, told: BTreeSet::new(), once: BTreeSet::new(), counts: BTreeMap::new() }
     }
 
     fn place(&self, json: Json<'_>) -> At<'f> {
@@ -46,7 +54,10 @@ impl<'f> Report<'f> {
     /// Something that must be mended.
     pub(super) fn error(&mut self, json: Json<'_>, message: impl AsRef<str>) {
         if !self.findings.is_full() {
-            self.findings.error(self.place(json), located(&json.pointer(), message.as_ref()));
+            let message = located(&json.pointer(), message.as_ref());
+            if self.told.insert(message.clone()) {
+                self.findings.error(self.place(json), message);
+            }
         }
     }
 
@@ -78,7 +89,10 @@ impl<'f> Report<'f> {
 
     /// The same, said at its first place only.
     pub(super) fn warn_once(&mut self, json: Json<'_>, key: &str, message: impl AsRef<str>) {
-        self.findings.warn_once(self.place(json), key, located(&json.pointer(), message.as_ref()));
+        if !self.once.contains(key) {
+            self.once.insert(key.to_owned());
+            self.warn(json, message);
+        }
     }
 
     /// Counts something that may happen a million times.
@@ -89,8 +103,9 @@ impl<'f> Report<'f> {
     /// Counts `number` of them at once.
     pub(super) fn count_many(&mut self, json: Json<'_>, what: &'static str, number: u64) {
         if number > 0 {
-            let line = self.has_lines.then(|| json.line());
-            self.counts.entry(what).or_insert_with(|| (json.pointer(), line, 0)).2 += number;
+            let has_lines = self.has_lines;
+            let first = || (json.pointer(), has_lines.then(|| json.line()), 0);
+            self.counts.entry(what).or_insert_with(first).2 += number;
         }
     }
 
@@ -121,6 +136,7 @@ impl<'f> Report<'f> {
     pub(super) fn number_at(&mut self, json: Json<'_>, range: &RangeInclusive<f64>) -> Option<f64> {
         match json.number() {
             Some(v) if range.contains(&v) => return Some(v),
+            Some(v) if v.abs() > EXACT => self.error(json, format!("the value {v:e} is out of range; {}", allowed(range))),
             Some(v) => self.error(json, format!("the value {v} is out of range; {}", allowed(range))),
             None => self.error(json, format!("this is {}, not a number", named(json.kind()))),
         }
@@ -225,7 +241,7 @@ impl<'f> Report<'f> {
 
     /// Indices of a list, each once.
     pub(super) fn indices(&mut self, object: Json<'_>, name: &str, what: &str, count: usize) -> Vec<usize> {
-        let mut seen = std::collections::BTreeSet::new();
+        let mut seen = BTreeSet::new();
         let mut found = vec![];
         for item in self.list(object, name) {
             let Some(index) = self.index_at(item, what, count) else { continue };
@@ -257,7 +273,7 @@ fn named(kind: Kind) -> &'static str {
 fn allowed(range: &RangeInclusive<f64>) -> String {
     let (low, high) = (*range.start(), *range.end());
     if range == &ANY {
-        "it must be finite".to_owned()
+        "it must be finite in single precision".to_owned()
     } else if high >= EXACT {
         format!("it must be {low} or more, and finite")
     } else {

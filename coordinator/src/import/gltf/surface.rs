@@ -14,7 +14,7 @@ use super::{
     report::Report,
 };
 use crate::import::{
-    name::{Stems, unique},
+    name::{Names, Stems},
     weld::Weld,
 };
 use glam::{DMat4, DVec3};
@@ -22,7 +22,6 @@ use kiln_proto::{
     limits,
     scene::{Part, Surface, Triangle},
 };
-use std::collections::BTreeSet;
 
 /// A vertex that no triangle has used yet.
 const UNUSED: u32 = u32::MAX;
@@ -44,7 +43,7 @@ pub(super) struct Surfaces {
     pub(super) surfaces: Vec<Surface>,
     /// Whether each is seen from both sides.
     pub(super) two_sided: Vec<bool>,
-    names: BTreeSet<String>,
+    names: Names,
     stems: Stems,
     triangles: usize,
 }
@@ -130,7 +129,7 @@ impl Surfaces {
             return;
         }
         let wanted: String = wanted.chars().take(limits::NAME_BYTES / 8).collect();
-        surface.name = unique(&wanted, |candidate| self.names.insert(candidate.to_owned()));
+        surface.name = self.names.take(&wanted);
         surface.file_stem = self.stems.take(&surface.name);
         surface.parts = vec![Part::plain(surface.name.clone(), chosen.id, surface.triangles.len())];
         self.surfaces.push(surface);
@@ -173,6 +172,11 @@ fn place<'p, 's, 'd>(
         let message = format!("{} weights are given for the {} morph targets of the mesh", weights.len(), primitive.targets.len());
         report.error(node.json, message);
         return None;
+    }
+    match (node.skin.is_some(), !primitive.influences.is_empty()) {
+        (true, false) => report.count(node.json, "nodes have a skin, but their meshes have no joints; they were not bent"),
+        (false, true) => report.count(json, "primitives have joints, but their nodes have no skin; they were not bent"),
+        _ => {}
     }
     let mut shape = Shape::read(primitive, weights, accessors);
     let mirrored = match node.skin.filter(|_| !primitive.influences.is_empty()) {

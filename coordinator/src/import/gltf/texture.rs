@@ -101,13 +101,16 @@ impl<'a, 'd> Textures<'a, 'd> {
 
     fn decode(&mut self, index: usize, wanted: Wanted, report: &mut Report<'_>) -> Option<Image> {
         let source = self.sources[index];
+        let name = format!("{}#/images/{index}", self.file);
+        if let Some(known) = self.images.known(&name, wanted) {
+            return known;
+        }
         match self.locate(source, report)? {
             Located::File(path) => {
                 let (at, findings) = report.raw(source);
                 self.images.file(self.bundle, path, wanted, at, findings)
             }
             Located::Bytes(bytes) => {
-                let name = format!("{}#{}", self.file, source.pointer());
                 let (at, findings) = report.raw(source);
                 self.images.bytes(&name, wanted, at, findings, || Ok(bytes))
             }
@@ -132,8 +135,17 @@ impl<'a, 'd> Textures<'a, 'd> {
         }
     }
 
+    /// Checks what a texture info refers to, without decoding anything.
+    pub(super) fn check(&self, info: Json<'_>, report: &mut Report<'_>) {
+        report.index(info, "index", "texture", self.textures.len());
+    }
+
     /// Looks at the images that no material uses: what is wrong with them does no harm, but is said.
     pub(super) fn check_unused(&self, report: &mut Report<'_>) {
+        for texture in &self.textures {
+            report.index(*texture, "source", "image", self.sources.len());
+            report.index(*texture, "sampler", "sampler", self.samplers.len());
+        }
         for source in self.sources.iter().enumerate().filter(|(i, _)| !self.used.contains(i)).map(|(_, source)| *source) {
             let bytes = match self.locate(source, report) {
                 None => continue,

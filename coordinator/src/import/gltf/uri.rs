@@ -8,6 +8,7 @@ use base64::{
     engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig},
 };
 use percent_encoding::percent_decode_str;
+use std::borrow::Cow;
 
 /// Data URIs with and without padding are in use.
 const BASE64: GeneralPurpose =
@@ -76,8 +77,8 @@ fn data(uri: &str) -> Result<Vec<u8>, String> {
     if !media.is_empty() && !media.contains('/') {
         return Err(format!("the data URI has `{media}`, which is no media type"));
     }
-    let body: Vec<u8> = percent_decode_str(body).collect();
-    if is_base64 { BASE64.decode(&body).map_err(|e| format!("the data URI is not base64: {e}")) } else { Ok(body) }
+    let body: Cow<'_, [u8]> = percent_decode_str(body).into();
+    if is_base64 { BASE64.decode(&body).map_err(|e| format!("the data URI is not base64: {e}")) } else { Ok(body.into_owned()) }
 }
 
 #[cfg(test)]

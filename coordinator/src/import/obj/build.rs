@@ -5,12 +5,12 @@
 
 use super::{
     material::Materials,
-    polygon,
     scan::{FaceNote, Group, Scan},
 };
 use crate::import::{
     findings::{At, Findings},
-    name::{Stems, unique},
+    mesh::triangulate,
+    name::{Names, Stems},
     weld::Weld,
 };
 use glam::{DVec3, Vec3};
@@ -18,10 +18,7 @@ use kiln_proto::{
     limits,
     scene::{Surface, Triangle},
 };
-use std::{
-    collections::{BTreeMap, BTreeSet},
-    ops::Range,
-};
+use std::{collections::BTreeMap, ops::Range};
 
 /// What becomes of one (object, material) pair.
 struct Part {
@@ -100,7 +97,11 @@ impl<'a> Builder<'a> {
         let world: Vec<DVec3> = corners.iter().map(|c| Vec3::from_array(self.weld.positions.values[*c as usize]).as_dvec3()).collect();
         let polygon = self.parts[part].polygons;
         self.parts[part].polygons += 1;
-        for t in polygon::triangulate(&world) {
+        let cut = triangulate(&world);
+        if !cut.sound {
+            findings.count(at, "polygons that cross themselves were cut as well as they can be");
+        }
+        for t in cut.triangles {
             let corners = t.map(|i| corners[i]);
             if let Err(left) = self.weld.triangle(corners) {
                 findings.count(at, left.words());
@@ -136,7 +137,7 @@ impl<'a> Builder<'a> {
     pub(super) fn into_surfaces(self, stem: &str, findings: &mut Findings) -> (Vec<[f32; 3]>, Vec<Surface>) {
         let mut pieces: BTreeMap<Option<usize>, usize> = BTreeMap::new();
         self.parts.iter().for_each(|p| *pieces.entry(p.object).or_default() += 1);
-        let (mut names, mut stems) = (BTreeSet::new(), Stems::default());
+        let (mut names, mut stems) = (Names::default(), Stems::default());
         let mut surfaces = vec![];
         for part in self.parts {
             let object = part.object.map_or(stem, |i| self.scan.names[i].0.as_str());
@@ -146,7 +147,7 @@ impl<'a> Builder<'a> {
                 findings.warn(At::line(self.file, part.line), format!("the surface `{wanted}` has no triangles left and was dropped"));
                 continue;
             }
-            let name = unique(&wanted, |candidate| names.insert(candidate.to_owned()));
+            let name = names.take(&wanted);
             let file_stem = stems.take(&name);
             surfaces.push(Surface { file_stem, ..Surface::plain(name, part.material, part.triangles) });
         }

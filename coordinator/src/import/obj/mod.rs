@@ -5,7 +5,6 @@ mod build;
 mod map;
 mod material;
 mod mtl;
-mod polygon;
 mod scan;
 mod text;
 
@@ -20,12 +19,11 @@ use std::io::Read;
 /// Words of `mtllib` that are tried as one file name with blanks.
 const NAME_WORDS: usize = 32;
 
-/// Imports the OBJ text of a bundle's main file; `None` where there were errors.
-pub(super) fn import(bundle: &Bundle, bytes: &[u8], findings: &mut Findings) -> Option<Scene> {
-    let main = bundle.main();
+/// Imports the OBJ text of a file of a bundle; `None` where there were errors.
+pub(super) fn import(bundle: &Bundle, main: &BundlePath, bytes: &[u8], findings: &mut Findings) -> Option<Scene> {
     let text = text::decode(main.as_str(), bytes, findings)?;
     let scan = scan::scan(main.as_str(), &text, findings);
-    let library = read_libraries(bundle, &scan.libraries, findings);
+    let library = read_libraries(bundle, main, &scan.libraries, findings);
     if findings.has_errors() {
         return None;
     }
@@ -51,9 +49,8 @@ fn read_models(main: &BundlePath, scan: &scan::Scan, findings: &mut Findings) ->
     }
 }
 
-fn read_libraries(bundle: &Bundle, statements: &[(u32, String)], findings: &mut Findings) -> mtl::Library {
+fn read_libraries(bundle: &Bundle, main: &BundlePath, statements: &[(u32, String)], findings: &mut Findings) -> mtl::Library {
     let mut library = mtl::Library::new();
-    let main = bundle.main();
     let mut read = std::collections::BTreeSet::new();
     for (line, operands) in statements {
         for name in split_names(operands, |n| matches!(bundle.find(main, n), Some(Found::Exact(_)))) {

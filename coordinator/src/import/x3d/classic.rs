@@ -147,12 +147,11 @@ impl<'a> Reader<'a> {
         let name = self.name("the name of a field")?;
         let access = Access::parse(name).filter(|_| FieldType::parse(self.lexer.peek_text()).is_some());
         if let Some(access) = access {
-            node.body.push(Item::Declared { place });
             self.lexer.take()?;
             self.name("the name of a field")?;
-            if access.has_value() || self.lexer.peek_text() == "IS" {
-                self.value(depth)?;
-            }
+            let value = if access.has_value() || self.lexer.peek_text() == "IS" { Some(self.value(depth)?) } else { None };
+            let nodes = if let Some(Written::Nodes(nodes)) = value { nodes } else { vec![] };
+            node.body.push(Item::Declared { place, nodes });
             return Ok(());
         }
         let place = self.lexer.place();

@@ -145,7 +145,13 @@ impl Reader<'_> {
                     body.push(Item::Field(self.field_value(entry, value, depth)?));
                 }
             }
-            ("field", _) if !instance => body.push(Item::Declared { place: entry.place }),
+            ("field", tree) if !instance => {
+                let mut nodes = vec![];
+                for entry in tree.elements().iter().flat_map(Tree::entries).filter(|e| e.key.starts_with('-')) {
+                    self.list(&entry.tree, &mut nodes, depth + 1)?;
+                }
+                body.push(Item::Declared { place: entry.place, nodes });
+            }
             ("ROUTE" | "ProtoDeclare" | "ExternProtoDeclare" | "IMPORT" | "EXPORT", _) => self.item(entry, body, depth + 1)?,
             (_, Tree::Other | Tree::Text(_)) => {}
             (_, tree) => {

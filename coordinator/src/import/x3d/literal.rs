@@ -80,6 +80,12 @@ pub(super) fn shown(word: &str) -> String {
     word.chars().take(40).collect()
 }
 
+/// Some addresses, for messages.
+pub(super) fn shown_addresses(urls: &[Arc<str>]) -> String {
+    let urls: Vec<String> = urls.iter().take(4).map(|u| format!("`{}`", u.chars().take(200).collect::<String>())).collect();
+    urls.join(", ")
+}
+
 fn numbers<T: Copy>(
     ty: FieldType,
     text: &str,

@@ -11,17 +11,21 @@
 mod classic;
 mod document;
 mod encoding;
+mod evaluate;
+mod geometry;
 mod json;
 mod limits;
 mod literal;
 mod node;
 mod resolve;
+mod scene;
 mod syntax;
 mod table;
 mod value;
 mod xml;
 
 use super::{Bundle, BundlePath, findings::Findings};
+use kiln_proto::{options::ImportOptions, scene::Scene};
 
 pub(super) use document::{Document, Inlined, NodeId, Place};
 pub(super) use node::NodeRef;
@@ -31,8 +35,17 @@ pub(super) use node::NodeRef;
 ///
 /// Cost: linear in the files and in what prototypes multiply; bounded by `limits`.
 pub(super) fn read(bundle: &Bundle, main: &BundlePath, bytes: &[u8], time: Option<f64>, findings: &mut Findings) -> Option<Document> {
-    let document = resolve::resolve(bundle, main, bytes, findings)?;
+    let mut document = resolve::resolve(bundle, main, bytes, findings)?;
+    if let Some(time) = time {
+        evaluate::evaluate(&mut document, time, findings);
+    }
     Some(document)
+}
+
+/// The canonical scene of an X3D or VRML97 file of a bundle; `None` where there were errors.
+pub(super) fn import(bundle: &Bundle, main: &BundlePath, bytes: &[u8], options: &ImportOptions, findings: &mut Findings) -> Option<Scene> {
+    let document = read(bundle, main, bytes, options.time, findings)?;
+    scene::build(bundle, &document, options, findings)
 }
 
 /// The version in a text such as `3.3`, times ten; 0 where there is none.
@@ -41,3 +54,7 @@ fn parse_version(text: &str) -> u32 {
     let digit = |t: &str| t.chars().next().and_then(|c| c.to_digit(10));
     major.parse::<u32>().ok().filter(|m| *m < 100).map_or(0, |m| 10 * m + digit(minor).unwrap_or_default())
 }
+#[cfg(test)]
+mod testing;
+#[cfg(test)]
+mod tests;

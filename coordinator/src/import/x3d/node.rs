@@ -187,7 +187,7 @@ impl<'a> NodeRef<'a> {
         }
     }
 
-    fn tuples<const N: usize>(self, name: &str) -> Cow<'a, [[f32; N]]> {
+    pub(super) fn tuples<const N: usize>(self, name: &str) -> Cow<'a, [[f32; N]]> {
         match self.numbers(name) {
             Cow::Borrowed(v) => Cow::Borrowed(v.as_chunks().0),
             Cow::Owned(v) => Cow::Owned(v.as_chunks().0.to_vec()),

@@ -57,9 +57,12 @@ struct Resolver<'a> {
     instancing: Vec<usize>,
     /// The nodes whose bodies are being read, outermost first.
     open: Vec<NodeId>,
+    /// Nodes being read inside one another, with instances and defaults.
+    depth: usize,
     /// What Inline nodes export.
     exports: BTreeMap<NodeId, BTreeMap<Box<str>, Target>>,
-    steps: u64,
+    /// What may still be looked at: [`MAX_STEPS`] and a step for each byte of text, in which nothing takes less.
+    steps_left: u64,
     /// Whether a bound was met, so that what is missing is no one's fault.
     exhausted: bool,
 }
@@ -79,8 +82,9 @@ impl<'a> Resolver<'a> {
             scopes: vec![],
             instancing: vec![],
             open: vec![],
+            depth: 0,
             exports: BTreeMap::new(),
-            steps: 0,
+            steps_left: MAX_STEPS,
             exhausted: false,
         }
     }
@@ -97,10 +101,14 @@ impl<'a> Resolver<'a> {
 
     /// Counts a thing to do; whether to do it.
     fn step(&mut self, place: Place) -> bool {
-        self.steps += 1;
-        if self.steps > MAX_STEPS && !self.exhausted {
+        self.steps(place, 1)
+    }
+
+    fn steps(&mut self, place: Place, count: u64) -> bool {
+        self.steps_left = self.steps_left.saturating_sub(count);
+        if self.steps_left == 0 && !self.exhausted {
             self.exhausted = true;
-            self.error(place, format!("the prototypes expand to more than {MAX_STEPS} fields and nodes"));
+            self.error(place, format!("the prototypes expand to more than {MAX_STEPS} fields and nodes beyond those in the files"));
         }
         !self.exhausted && !self.findings.is_full()
     }

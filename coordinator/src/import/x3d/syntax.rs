@@ -56,9 +56,10 @@ pub(super) enum Item {
         local: Box<str>,
         exported: Box<str>,
     },
-    /// A field that a node declares for itself, as scripts and shaders do.
+    /// A field that a node declares for itself, as scripts and shaders do, and the nodes in its value.
     Declared {
         place: Place,
+        nodes: Vec<Item>,
     },
 }
 

@@ -112,11 +112,21 @@ impl NodeType {
     }
 }
 
-/// The node type of this name.
-pub(super) fn lookup(name: &str) -> Option<&'static NodeType> {
+fn table() -> &'static BTreeMap<&'static str, NodeType> {
     static TABLE: OnceLock<BTreeMap<&'static str, NodeType>> = OnceLock::new();
     // The text is part of the program and a test reads it, so there is no error left to report here.
-    TABLE.get_or_init(|| read(&PARTS).unwrap_or_default()).get(name)
+    TABLE.get_or_init(|| read(&PARTS).unwrap_or_default())
+}
+
+/// The node type of this name.
+pub(super) fn lookup(name: &str) -> Option<&'static NodeType> {
+    table().get(name)
+}
+
+/// All of them, by name.
+#[cfg(test)]
+pub(super) fn all() -> impl Iterator<Item = &'static NodeType> {
+    table().values()
 }
 
 /// A line of the table that says nothing.

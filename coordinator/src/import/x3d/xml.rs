@@ -12,7 +12,7 @@ use super::{
     literal::shown,
     syntax::{FieldItem, Item, Locator, NodeItem, RouteItem, Span, SyntaxError, Unit, Written},
 };
-use roxmltree::{Attribute, Document, Node, ParsingOptions};
+use roxmltree::{Attribute, Document, Error, Node, ParsingOptions};
 
 /// Attributes of elements of HTML and of X3D 4 that are no fields of nodes.
 const STYLING: [&str; 4] = ["class", "id", "style", "is"];
@@ -25,7 +25,11 @@ pub(super) fn read(text: &str, file: u32) -> Result<super::classic::Read, Syntax
     entities::check(text).map_err(|(at, message)| SyntaxError { place: Locator::new(text, file).place(at), message })?;
     let options = ParsingOptions { allow_dtd: true, nodes_limit: 4 * MAX_NODES as u32, entity_resolver: None };
     let document = Document::parse_with_options(text, options).map_err(|e| {
-        let place = Place { file, line: e.pos().row, column: e.pos().col };
+        let place = match e {
+            // It has no place of its own: the text ends too early.
+            Error::UnclosedRootNode => Locator::new(text, file).place(text.len()),
+            _ => Place { file, line: e.pos().row, column: e.pos().col },
+        };
         let message = e.to_string();
         let what = message.rsplit_once(" at ").map_or(message.as_str(), |(what, _)| what);
         SyntaxError { place, message: format!("this is not well-formed XML: {what}") }
@@ -176,7 +180,11 @@ impl Reader<'_> {
                 _ if !child.is_element() => {}
                 "IS" => self.connections(child, body)?,
                 "fieldValue" => body.push(Item::Field(self.field_value(child, depth)?)),
-                "field" if !instance => body.push(Item::Declared { place: self.place(child) }),
+                "field" if !instance => {
+                    let (place, mut nodes) = (self.place(child), vec![]);
+                    self.items(child, &mut nodes, depth + 1)?;
+                    body.push(Item::Declared { place, nodes });
+                }
                 _ => self.item(child, body, depth + 1)?,
             }
         }

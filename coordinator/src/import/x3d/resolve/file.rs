@@ -11,7 +11,7 @@ use crate::import::{
         encoding::{self, Encoding},
         json,
         limits::MAX_INLINE_DEPTH,
-        literal::{self, Form, shown},
+        literal::{self, Form, shown, shown_addresses},
         syntax::{FieldItem, File, Source, Unit, Written},
         table,
         value::{FieldType, Value},
@@ -129,6 +129,7 @@ impl Resolver<'_> {
             self.findings.warn(at, "the text is not UTF-8; its odd bytes were replaced by U+FFFD");
         }
         let text = decoded.text;
+        self.steps_left += text.len() as u64;
         let (read, form) = match decoded.encoding {
             Encoding::Classic => (classic::read(&text, file), Form::Classic),
             Encoding::Xml => (xml::read(&text, file), Form::Xml),
@@ -158,8 +159,8 @@ impl Resolver<'_> {
         let urls = Arc::clone(urls);
         let found = urls.iter().find_map(|url| self.find(place, url.split('#').next().unwrap_or_default(), "the file of the Inline"));
         let Some(path) = found else {
-            let said: Vec<String> = urls.iter().take(4).map(|u| format!("`{}`", shown(u))).collect();
-            return self.warn(place, format!("the Inline of {} was skipped: no such file is in the bundle", said.join(", ")));
+            let message = format!("the Inline of {} was skipped: no such file is in the bundle", shown_addresses(&urls));
+            return self.warn(place, message);
         };
         let bundle = self.bundle;
         let is_x3d = match bundle.read(&path, limits::TEXT_BYTES) {

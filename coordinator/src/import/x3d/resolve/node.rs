@@ -6,7 +6,7 @@ use super::{
 };
 use crate::import::x3d::{
     document::{Node, NodeId, Place},
-    limits::MAX_DEPTH,
+    limits::{MAX_DEPTH, MAX_RECURSION},
     literal::{self, shown},
     syntax::{FieldItem, Item, NodeItem, Span, Written},
     table::{self, Access, Field, NodeType},
@@ -46,10 +46,18 @@ impl Resolver<'_> {
         if !self.step(item.place) {
             return None;
         }
-        if above >= MAX_DEPTH {
+        // Defaults of prototypes hang nowhere yet and are counted from 0 again; the stack is not.
+        if above >= MAX_DEPTH || self.depth >= MAX_RECURSION {
             self.error(item.place, format!("more than {MAX_DEPTH} nodes inside one another, with what is instantiated here"));
             return None;
         }
+        self.depth += 1;
+        let id = self.any_node(frame, item, above);
+        self.depth -= 1;
+        id
+    }
+
+    fn any_node(&mut self, frame: &mut Frame, item: &NodeItem, above: u16) -> Option<NodeId> {
         if let Some(name) = &item.usage {
             return self.usage(frame, item, name, above);
         }
@@ -64,36 +72,62 @@ impl Resolver<'_> {
             Some(kind) if !kind.skipped => self.built_in(frame, item, kind, above),
             Some(kind) => {
                 self.tally.add(item.place, format!("the node `{}` is not supported and was skipped", kind.name));
-                self.skip(frame, item, Some(kind), above)
+                self.skip(frame, item, Some(kind), above);
+                None
             }
             None => {
-                self.tally.add(item.place, format!("the node `{}` is unknown and was skipped", shown(&item.name)));
-                self.skip(frame, item, None, above)
+                self.unknown(frame, item, None, above);
+                None
             }
         }
     }
 
     /// Passes a node by. Nodes with a DEF inside it are read all the same: they may be used elsewhere.
-    pub(super) fn skip(&mut self, frame: &mut Frame, item: &NodeItem, kind: Option<&'static NodeType>, above: u16) -> Option<NodeId> {
+    pub(super) fn skip(&mut self, frame: &mut Frame, item: &NodeItem, kind: Option<&'static NodeType>, above: u16) {
         if let Some(def) = &item.def {
             frame.names.insert(def.clone(), Target::Skipped(kind));
         }
         self.skip_items(frame, &item.body, above + 1);
-        None
     }
 
     fn skip_items(&mut self, frame: &mut Frame, items: &[Item], above: u16) {
         for item in items {
             match item {
                 Item::Node(node) if node.usage.is_some() => {}
-                Item::Node(node) if node.def.is_some() => {
-                    self.node(frame, node, above);
+                Item::Node(node) => self.skip_inner(frame, node, above),
+                Item::Field(FieldItem { written: Written::Nodes(nodes), .. }) | Item::Declared { nodes, .. } => {
+                    self.skip_items(frame, nodes, above);
                 }
-                Item::Node(node) => self.skip_items(frame, &node.body, above),
-                Item::Field(FieldItem { written: Written::Nodes(nodes), .. }) => self.skip_items(frame, nodes, above),
                 other => self.statement(frame, other),
             }
         }
+    }
+
+    /// A node inside one that is passed by: what nobody knows is named all the same, what is only not supported goes without saying.
+    fn skip_inner(&mut self, frame: &mut Frame, node: &NodeItem, above: u16) {
+        let known = table::lookup(&node.name);
+        let prototype = self.prototype(frame.scope, &node.name).filter(|_| known.is_none());
+        match known {
+            Some(kind) if kind.skipped => {
+                self.skip(frame, node, Some(kind), above);
+            }
+            _ if node.def.is_some() => {
+                self.node(frame, node, above);
+            }
+            None if prototype.is_none_or(|p| self.definition(p).is_none()) => self.unknown(frame, node, prototype, above),
+            _ => self.skip_items(frame, &node.body, above + 1),
+        }
+    }
+
+    /// Names a node that nobody knows, and passes it by.
+    pub(super) fn unknown(&mut self, frame: &mut Frame, node: &NodeItem, prototype: Option<usize>, above: u16) {
+        let name = shown(&node.name);
+        let what = match prototype {
+            Some(_) => format!("the external prototype `{name}` was not found and its instances were skipped"),
+            None => format!("the node `{name}` is unknown and was skipped"),
+        };
+        self.tally.add(node.place, what);
+        self.skip(frame, node, None, above);
     }
 
     /// `USE name`.
@@ -130,8 +164,9 @@ impl Resolver<'_> {
             match element {
                 Item::Field(field) => self.field(frame, id, field, above),
                 Item::Node(child) => self.child(frame, id, child, &mut children, above),
-                Item::Declared { place } => {
+                Item::Declared { place, nodes } => {
                     self.tally.add(*place, format!("fields that a `{}` declares for itself were skipped", kind.name));
+                    self.skip_items(frame, nodes, above + 1);
                 }
                 other => self.statement(frame, other),
             }
@@ -167,7 +202,9 @@ impl Resolver<'_> {
             return;
         }
         let kind = self.node_of(id).kind;
-        let Some((index, field)) = kind.field(&item.name) else {
+        // `set_intensity IS power` is said of the event alone.
+        let found = if matches!(item.written, Written::Is(_)) { kind.event(&item.name) } else { kind.field(&item.name) };
+        let Some((index, field)) = found else {
             self.tally.add(item.place, format!("the field `{}` of `{}` is unknown and was skipped", shown(&item.name), kind.name));
             if let Written::Nodes(items) = &item.written {
                 self.skip_items(frame, items, above + 1);

@@ -11,8 +11,8 @@ use super::{
 };
 use crate::import::x3d::{
     document::{NodeId, Place},
-    limits::MAX_PROTO_DEPTH,
-    literal::shown,
+    limits::{INSTANCE_STEPS, MAX_PROTO_DEPTH},
+    literal::{shown, shown_addresses},
     syntax::{FieldItem, File, Item, NodeItem, ProtoBody, ProtoItem, Written},
     table::Field,
     value::{Base, Value},
@@ -117,14 +117,16 @@ impl Resolver<'_> {
     /// An instance of a prototype.
     pub(super) fn instance(&mut self, frame: &mut Frame, item: &NodeItem, prototype: usize, above: u16) -> Option<NodeId> {
         let Some(prototype) = self.definition(prototype) else {
-            let what = format!("the external prototype `{}` was not found and its instances were skipped", shown(&item.name));
-            self.tally.add(item.place, what);
-            return self.skip(frame, item, None, above);
+            self.unknown(frame, item, Some(prototype), above);
+            return None;
         };
         if self.instancing.contains(&prototype) || self.instancing.len() >= MAX_PROTO_DEPTH {
             let deep =
                 if self.instancing.contains(&prototype) { "inside itself".into() } else { format!("{MAX_PROTO_DEPTH} deep in others") };
             self.error(item.place, format!("the prototype `{}` is used {deep}", shown(&item.name)));
+            return None;
+        }
+        if !self.steps(item.place, INSTANCE_STEPS) {
             return None;
         }
         let (arguments, outer) = self.arguments(frame, item, prototype, above);
@@ -301,7 +303,7 @@ impl Resolver<'_> {
     }
 
     /// The prototype itself: an external one is sought in the bundle when it is first used.
-    fn definition(&mut self, prototype: usize) -> Option<usize> {
+    pub(super) fn definition(&mut self, prototype: usize) -> Option<usize> {
         let ProtoBody::Extern(address) = &Rc::clone(&self.prototypes[prototype].item).body else { return Some(prototype) };
         match self.prototypes[prototype].external {
             External::Found(index) => return Some(index),
@@ -309,8 +311,7 @@ impl Resolver<'_> {
             External::Sought => return None,
             External::Unsought => self.prototypes[prototype].external = External::Sought,
         }
-        let found = self.seek(prototype, address)?;
-        let found = self.definition(found)?;
+        let found = self.seek(prototype, address).and_then(|found| self.definition(found))?;
         self.prototypes[prototype].external = External::Found(found);
         Some(found)
     }
@@ -319,8 +320,9 @@ impl Resolver<'_> {
     fn seek(&mut self, prototype: usize, address: &FieldItem) -> Option<usize> {
         let Prototype { file, item, .. } = &self.prototypes[prototype];
         let (file, item) = (Rc::clone(file), Rc::clone(item));
-        for url in self.addresses(&file, address) {
-            let (path, name) = url.split_once('#').map_or((&*url, None), |(path, name)| (path, Some(name)));
+        let urls = self.addresses(&file, address);
+        for url in &urls {
+            let (path, name) = url.split_once('#').map_or((&**url, None), |(path, name)| (path, Some(name)));
             let Some(path) = self.find(address.place, path, &format!("the file of the prototype `{}`", shown(&item.name))) else {
                 continue;
             };
@@ -335,6 +337,10 @@ impl Resolver<'_> {
             let said = name.unwrap_or("any");
             self.warn(address.place, format!("`{path}` does not declare the prototype `{}`", shown(said)));
         }
+        let said: Vec<String> = urls.iter().take(4).map(|u| format!("`{}`", shown(u))).collect();
+        let message =
+            format!("the external prototype `{}` is at none of its addresses in the bundle: {}", shown(&item.name), said.join(", "));
+        self.warn(address.place, message);
         None
     }
 

@@ -1,0 +1,157 @@
+//! Who throws shadows on whom: `receiveShadows`, GeneratedShadowMap and `defaultShadowMap`, and the completion of automatic projections.
+
+use super::{
+    fit::{self, Bounds, Rays},
+    light::{self, ANGLE, DEFAULT_MAP, FAR, NEAR, RECTANGLE},
+    space::{narrow, wide},
+    walk::{Placed, World},
+};
+use crate::import::{
+    findings::Findings,
+    name::unique,
+    x3d::{NodeId, NodeRef},
+};
+use glam::{DMat4, DVec3};
+use kiln_proto::{
+    options::LightUnits,
+    scene::{Light, LightShape, ShadowMap},
+};
+use std::collections::{BTreeMap, BTreeSet};
+
+/// The lights of a scene, shining or only named.
+#[derive(Debug, Default)]
+pub(super) struct Lights {
+    /// The lights, those of the walk first.
+    pub(super) lights: Vec<Light>,
+    /// The first light of each node.
+    by_node: BTreeMap<NodeId, u32>,
+    names: BTreeSet<String>,
+}
+
+/// What a shape's appearance says of shadows.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Received {
+    /// Indices of lights whose shadows it receives, ascending.
+    pub(super) lights: Vec<u32>,
+    /// GeneratedShadowMap textures.
+    pub(super) maps: Vec<(u32, ShadowMap)>,
+}
+
+/// Whether a node is a light that can be a camera.
+pub(super) fn is_light(node: NodeRef<'_>) -> bool {
+    matches!(node.kind(), "DirectionalLight" | "PointLight" | "SpotLight")
+}
+
+impl Lights {
+    /// Converts the lights that the walk met.
+    pub(super) fn of(world: &World<'_>, units: LightUnits, findings: &mut Findings) -> Self {
+        let mut lights = Self::default();
+        for placed in &world.lights {
+            let shines = placed.node.bool("on");
+            lights.add(placed, shines, units, findings);
+        }
+        lights
+    }
+
+    fn add(&mut self, placed: &Placed<'_>, shines: bool, units: LightUnits, findings: &mut Findings) -> Option<u32> {
+        let wanted = placed.node.def().unwrap_or(placed.node.kind());
+        let name = unique(wanted, |candidate| self.names.insert(candidate.to_owned()));
+        let light = light::convert(placed, name, shines, units, findings)?;
+        let index = self.lights.len() as u32;
+        self.lights.push(light);
+        self.by_node.entry(placed.node.id()).or_insert(index);
+        Some(index)
+    }
+
+    /// The light of a node; one that stands nowhere in the scene is added, but does not shine (Kamburelis 4.4).
+    pub(super) fn of_node(&mut self, node: NodeRef<'_>, units: LightUnits, findings: &mut Findings) -> Option<u32> {
+        if let Some(index) = self.by_node.get(&node.id()) {
+            return Some(*index);
+        }
+        self.add(&Placed { node, matrix: DMat4::IDENTITY, group: 0, name: None }, false, units, findings)
+    }
+
+    /// What an appearance and its GeneratedShadowMap textures ask for.
+    pub(super) fn received(
+        &mut self,
+        appearance: Option<NodeRef<'_>>,
+        maps: &[NodeRef<'_>],
+        units: LightUnits,
+        findings: &mut Findings,
+    ) -> Received {
+        let mut received = Received::default();
+        for node in appearance.iter().flat_map(|a| a.children("receiveShadows")) {
+            if is_light(node) {
+                received.lights.extend(self.of_node(node, units, findings));
+            } else {
+                findings.warn(node.at(), format!("{} in receiveShadows is no light and was ignored", node.kind()));
+            }
+        }
+        for map in maps {
+            let Some(node) = map.node("light").filter(|n| is_light(*n)) else {
+                findings.warn(map.at(), "GeneratedShadowMap has no light and was ignored");
+                continue;
+            };
+            let Some(light) = self.of_node(node, units, findings) else { continue };
+            if let Some(parameters) = light::shadow_map(*map, findings) {
+                received.maps.push((light, parameters));
+                received.lights.push(light);
+            }
+        }
+        received.lights.sort_unstable();
+        received.lights.dedup();
+        received
+    }
+
+    /// Fills in what projections leave to be found. `receivers` has the box of what receives the shadows of each light.
+    pub(super) fn complete(&mut self, casters: Bounds, receivers: &[Bounds], findings: &mut Findings, at: crate::import::findings::At<'_>) {
+        for (index, light) in self.lights.iter_mut().enumerate() {
+            let receiving = receivers.get(index).copied().unwrap_or(Bounds::EMPTY);
+            complete(light, casters, receiving);
+            if !receiving.is_empty() || light.casts_shadows {
+                light.shadow_map.get_or_insert(DEFAULT_MAP);
+            }
+            if light.projection.near >= light.projection.far {
+                let message = format!(
+                    "the light `{}` is given projectionNear {} beyond the far end {} that its shadows need",
+                    light.name, light.projection.near, light.projection.far
+                );
+                findings.warn(at, message);
+                light.projection.far = light.projection.near * 2.0;
+            }
+        }
+    }
+}
+
+fn complete(light: &mut Light, casters: Bounds, receivers: Bounds) {
+    let p = &mut light.projection;
+    if let LightShape::Directional { direction } = light.shape
+        && p.automatic & RECTANGLE != 0
+    {
+        let direction = wide(direction);
+        if wide(p.location) == DVec3::ZERO {
+            p.location = narrow(fit::location(direction, casters));
+        }
+        p.rectangle = fit::rectangle(wide(p.location), direction, wide(p.up), casters).map(|v| v as f32);
+        // A flat scene seen from its side has no extent: a camera needs some.
+        let [left, bottom, right, top] = &mut p.rectangle;
+        for (low, high) in [(left, right), (bottom, top)] {
+            if *high <= *low {
+                (*low, *high) = (*low - 0.5, *high + 0.5);
+            }
+        }
+    }
+    let location = wide(p.location);
+    let rays = match light.shape {
+        LightShape::Directional { direction } | LightShape::Spot { direction, .. } => Rays::Along(location, wide(direction)),
+        LightShape::Point { .. } => Rays::From(location),
+    };
+    let (near, far) = fit::depth(rays, casters, receivers);
+    if p.automatic & FAR != 0 {
+        p.far = far as f32;
+    }
+    if p.automatic & NEAR != 0 {
+        p.near = (near as f32).min(p.far / 2.0);
+    }
+    debug_assert!(p.automatic & ANGLE == 0 || p.angle > 0.0);
+}

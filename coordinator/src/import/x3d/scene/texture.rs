@@ -1,0 +1,246 @@
+//! Texture nodes: images and pixels become textures of the scene, MultiTexture a stack of layers (ISO/IEC 19775-1: 18).
+//!
+//! A texture multiplies the colour beneath it, also where X3D 3 lets an RGB texture replace the material's: that is what version 4 of the
+//! standard says and what browsers do.
+
+use super::coordinates::{Coordinates, Source};
+use crate::import::{
+    Bundle,
+    bundle::Found,
+    findings::{At, Findings},
+    images::{Image, Images, Wanted},
+    x3d::NodeRef,
+};
+use kiln_proto::{
+    limits, math,
+    scene::{Coding, LayerMode, Mapping, Texture, TextureRef, Wrap},
+};
+use std::collections::BTreeMap;
+
+/// One texture of an appearance with what the scene makes of it.
+pub(super) struct Layer<'d> {
+    /// The texture, with its coordinates still to be joined.
+    pub(super) image: Image,
+    pub(super) texture: TextureRef,
+    pub(super) source: Source<'d>,
+    pub(super) mode: LayerMode,
+}
+
+/// What the `texture` field of an appearance holds.
+#[derive(Default)]
+pub(super) struct Stack<'d> {
+    /// Layers in order.
+    pub(super) layers: Vec<Layer<'d>>,
+    /// GeneratedShadowMap nodes.
+    pub(super) shadow_maps: Vec<NodeRef<'d>>,
+}
+
+/// The textures of a document.
+pub(super) struct Textures<'b> {
+    bundle: &'b Bundle,
+    pub(super) images: Images,
+    pixels: BTreeMap<(crate::import::x3d::NodeId, bool), Option<Image>>,
+}
+
+impl<'b> Textures<'b> {
+    pub(super) fn new(bundle: &'b Bundle) -> Self {
+        Self { bundle, images: Images::default(), pixels: BTreeMap::new() }
+    }
+
+    /// The stack of an appearance's `texture` field.
+    pub(super) fn stack<'d>(
+        &mut self,
+        node: NodeRef<'d>,
+        transform: Option<NodeRef<'d>>,
+        coordinates: &Coordinates<'d>,
+        findings: &mut Findings,
+    ) -> Stack<'d> {
+        let mut stack = Stack::default();
+        let (nodes, modes): (Vec<_>, _) = if node.kind() == "MultiTexture" {
+            if !node.mf_string("function").is_empty() || node.mf_string("source").iter().any(|s| !s.is_empty()) {
+                findings.count(node.at(), "MultiTexture.function and .source are not supported, layers take the colour beneath them");
+            }
+            (node.children("texture").collect(), node.mf_string("mode"))
+        } else {
+            (vec![node], &[][..])
+        };
+        for (place, texture) in nodes.into_iter().enumerate() {
+            if texture.kind() == "GeneratedShadowMap" {
+                stack.shadow_maps.push(texture);
+                continue;
+            }
+            let Some(mode) = mode(modes.get(place).map_or("MODULATE", |m| m), node.at_field("mode"), findings) else { continue };
+            let source = coordinates.at(place);
+            if let Some((image, reference)) = self.texture(texture, transform_at(transform, place), Coding::Srgb, true, findings) {
+                stack.layers.push(Layer { image, texture: reference, source, mode });
+            }
+        }
+        stack
+    }
+
+    /// The texture of one node; `None` where it has none, which is said.
+    pub(super) fn texture(
+        &mut self,
+        node: NodeRef<'_>,
+        transform: Option<NodeRef<'_>>,
+        coding: Coding,
+        alpha: bool,
+        findings: &mut Findings,
+    ) -> Option<(Image, TextureRef)> {
+        let wanted = Wanted { coding, alpha: alpha && node.string("alphaChannel") != "NONE" };
+        let image = match node.kind() {
+            "ImageTexture" => self.file(node, wanted, findings)?,
+            "PixelTexture" => self.pixel_texture(node, wanted, findings)?,
+            other => {
+                findings.warn(node.at(), format!("textures of the kind {other} are not supported; the shape is baked without"));
+                return None;
+            }
+        };
+        let mut reference = TextureRef::plain(image.id, 0);
+        reference.wrap = wraps(node, findings);
+        reference.nearest = node.node("textureProperties").is_some_and(|p| p.string("magnificationFilter") == "NEAREST_PIXEL");
+        if let Some(transform) = transform {
+            reference.transform = affine(transform, findings);
+        }
+        if node.has("flipVertically") && node.bool("flipVertically") {
+            let [_, v] = &mut reference.transform;
+            *v = [-v[0], -v[1], 1.0 - v[2]];
+        }
+        Some((image, reference))
+    }
+
+    /// The first of the addresses that the bundle has.
+    fn file(&mut self, node: NodeRef<'_>, wanted: Wanted, findings: &mut Findings) -> Option<Image> {
+        let (at, from) = (node.at_field("url"), node.file_of("url"));
+        let urls = node.mf_string("url");
+        if urls.is_empty() {
+            findings.warn(at, "ImageTexture has no url; the shape is baked without");
+            return None;
+        }
+        for url in urls {
+            match self.bundle.find(from, url) {
+                Some(Found::Exact(path)) => return self.images.file(self.bundle, path, wanted, at, findings),
+                Some(Found::Near(path)) => {
+                    findings.warn(at, format!("the image `{url}` is not in the bundle; `{path}` is used instead"));
+                    return self.images.file(self.bundle, path, wanted, at, findings);
+                }
+                None => {}
+            }
+        }
+        let listed: Vec<&str> = urls.iter().map(AsRef::as_ref).take(5).collect();
+        findings.error(at, format!("the image `{}` is not in the bundle; nothing is fetched from elsewhere", listed.join("`, `")));
+        None
+    }
+
+    fn pixel_texture(&mut self, node: NodeRef<'_>, wanted: Wanted, findings: &mut Findings) -> Option<Image> {
+        let key = (node.id(), wanted.coding == Coding::Linear);
+        if let Some(known) = self.pixels.get(&key) {
+            return *known;
+        }
+        let name = node.def().unwrap_or("PixelTexture").to_owned();
+        let image = pixels(node, wanted.coding, name, findings).and_then(|t| {
+            let transparent = t.has_alpha && t.texels.chunks_exact(4).any(|p| p[3] < 255);
+            let image = self.images.push(t, node.at(), findings)?;
+            Some(Image { transparent, ..image })
+        });
+        self.pixels.insert(key, image);
+        image
+    }
+}
+
+/// The texture of an SFImage: width, height, components, then a number per pixel from the lower left.
+fn pixels(node: NodeRef<'_>, coding: Coding, name: String, findings: &mut Findings) -> Option<Texture> {
+    let numbers = node.mf_int("image");
+    let &[w, h, components, ref rest @ ..] = numbers else { return None };
+    let (width, height) = (u32::try_from(w).ok()?, u32::try_from(h).ok()?);
+    let count = u64::from(width) * u64::from(height);
+    if count == 0 {
+        findings.warn(node.at(), "PixelTexture has no pixels; the shape is baked without");
+        return None;
+    }
+    if !(1..=4).contains(&components) || count > limits::TEXTURE_PIXELS || rest.len() as u64 != count {
+        let message = format!("PixelTexture is {width}x{height} with {components} components but has {} pixels", rest.len());
+        findings.error(node.at_field("image"), message);
+        return None;
+    }
+    let has_alpha = components % 2 == 0;
+    let mut texels = Vec::with_capacity(rest.len() * if has_alpha { 4 } else { 3 });
+    for pixel in rest {
+        let [a, b, c, d] = pixel.to_be_bytes();
+        match components {
+            1 => texels.extend([d, d, d]),
+            2 => texels.extend([c, c, c, d]),
+            3 => texels.extend([b, c, d]),
+            _ => texels.extend([a, b, c, d]),
+        }
+    }
+    Some(Texture { name, width, height, coding, has_alpha, texels })
+}
+
+fn transform_at(node: Option<NodeRef<'_>>, place: usize) -> Option<NodeRef<'_>> {
+    let node = node?;
+    if node.kind() == "MultiTextureTransform" { node.children("textureTransform").nth(place) } else { Some(node) }
+}
+
+/// Tc' = -C S R C T Tc (ISO/IEC 19775-1: 18.4.8).
+fn affine(node: NodeRef<'_>, findings: &mut Findings) -> [[f32; 3]; 2] {
+    const AS_IS: [[f32; 3]; 2] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+    if node.kind() != "TextureTransform" {
+        findings.warn(node.at(), format!("{} is not supported; textures lie as their coordinates say", node.kind()));
+        return AS_IS;
+    }
+    let [[cx, cy], [sx, sy], [tx, ty]] = ["center", "scale", "translation"].map(|f| node.vec2(f));
+    let (sin, cos) = math::sin_cos_degrees(f64::from(node.float("rotation")).to_degrees());
+    let (sin, cos) = (sin as f32, cos as f32);
+    let rows = [[sx * cos, -sx * sin], [sy * sin, sy * cos]];
+    let row = |[a, b]: [f32; 2], c: f32| [a, b, a * (tx + cx) + b * (ty + cy) - c];
+    let out = [row(rows[0], cx), row(rows[1], cy)];
+    if out.as_flattened().iter().all(|v| v.is_finite()) { out } else { AS_IS }
+}
+
+fn wraps(node: NodeRef<'_>, findings: &mut Findings) -> [Wrap; 2] {
+    let properties = node.node("textureProperties");
+    let one = |field: &str, repeat: &str, findings: &mut Findings| match properties {
+        None if node.bool(repeat) => Wrap::Repeat,
+        None => Wrap::Clamp,
+        Some(p) => match p.string(field) {
+            "REPEAT" => Wrap::Repeat,
+            "MIRRORED_REPEAT" => Wrap::Mirror,
+            "CLAMP" | "CLAMP_TO_EDGE" => Wrap::Clamp,
+            other => {
+                findings.warn(p.at_field(field), format!("the {field} `{other}` is not supported; CLAMP_TO_EDGE is used"));
+                Wrap::Clamp
+            }
+        },
+    };
+    [one("boundaryModeS", "repeatS", findings), one("boundaryModeT", "repeatT", findings)]
+}
+
+/// How a layer acts; `None` for one that is off. `A / B` gives colour and alpha apart; the colour's counts.
+fn mode(word: &str, at: At<'_>, findings: &mut Findings) -> Option<LayerMode> {
+    let word = word.split('/').next().unwrap_or_default().trim();
+    Some(match word {
+        "" | "MODULATE" => LayerMode::Modulate { scale: 1.0 },
+        "MODULATE2X" => LayerMode::Modulate { scale: 2.0 },
+        "MODULATE4X" => LayerMode::Modulate { scale: 4.0 },
+        "REPLACE" | "SELECTARG1" => LayerMode::Replace,
+        "ADD" => LayerMode::Add,
+        "ADDSIGNED" => LayerMode::AddSigned,
+        "SUBTRACT" => LayerMode::Subtract,
+        "BLENDTEXTUREALPHA" => LayerMode::Blend,
+        "OFF" | "SELECTARG2" => return None,
+        other => {
+            findings.warn(at, format!("the MultiTexture mode `{other}` is not supported; MODULATE is used"));
+            LayerMode::Modulate { scale: 1.0 }
+        }
+    })
+}
+
+/// The mapping of a source, given where projectors are.
+pub(super) fn mapping(source: Source<'_>, automatic_set: u32, projector: Option<u32>) -> Mapping {
+    match (source, projector) {
+        (Source::Projected(_), Some(projector)) => Mapping::Projected { projector },
+        (Source::Set(set), _) => Mapping::Uv { set },
+        _ => Mapping::Uv { set: automatic_set },
+    }
+}

@@ -1,0 +1,150 @@
+//! The walk through a document: every shape, light and viewpoint with its place in the world.
+//!
+//! The graph is expanded, because every instance gets a light field of its own. Instances are counted, so that a few nodes that stand for
+//! a billion shapes are refused instead of built. Order is that of the file, parents before children.
+
+use super::space;
+use crate::import::{
+    BundlePath,
+    findings::Findings,
+    x3d::{Document, Inlined, NodeRef},
+};
+use glam::DMat4;
+use kiln_proto::limits;
+
+/// A group instance, counted in the order of the walk.
+pub(super) type Group = u32;
+
+/// A node with its place in the world.
+#[derive(Debug, Clone)]
+pub(super) struct Placed<'d> {
+    /// The node.
+    pub(super) node: NodeRef<'d>,
+    /// From its space to the world.
+    pub(super) matrix: DMat4,
+    /// The group that it stands in.
+    pub(super) group: Group,
+    /// The nearest name above it, for a node without one of its own.
+    pub(super) name: Option<&'d str>,
+}
+
+/// All that a document places.
+#[derive(Debug, Default)]
+pub(super) struct World<'d> {
+    pub(super) shapes: Vec<Placed<'d>>,
+    pub(super) lights: Vec<Placed<'d>>,
+    pub(super) viewpoints: Vec<Placed<'d>>,
+    /// Files of other formats with their places.
+    pub(super) files: Vec<(Placed<'d>, BundlePath)>,
+    /// NavigationInfo, Background and Fog nodes, of which the first counts.
+    pub(super) bindables: Vec<NodeRef<'d>>,
+    /// The group around each group.
+    parents: Vec<Group>,
+}
+
+/// A walk under way.
+struct Walk<'d, 'f> {
+    document: &'d Document,
+    world: World<'d>,
+    findings: &'f mut Findings,
+    /// Visits so far.
+    steps: u64,
+}
+
+/// Visits of one walk: instances of nodes, not nodes.
+const MAX_STEPS: u64 = 16_000_000;
+
+impl<'d> World<'d> {
+    /// Walks a document from its roots.
+    pub(super) fn of(document: &'d Document, findings: &mut Findings) -> Self {
+        let world = Self { parents: vec![0], ..Self::default() };
+        let mut walk = Walk { document, world, findings, steps: 0 };
+        let root = Place { matrix: DMat4::IDENTITY, group: 0, name: None };
+        for node in document.roots() {
+            if !walk.visit(node, root) {
+                let message =
+                    format!("the scene stands for more than {MAX_STEPS} nodes, {} shapes or {} lights", limits::SURFACES, limits::LIGHTS);
+                walk.findings.error(node.at(), message);
+                break;
+            }
+        }
+        walk.world
+    }
+
+    /// Whether `group` is `ancestor` or inside it.
+    pub(super) fn is_inside(&self, mut group: Group, ancestor: Group) -> bool {
+        // A group's number is above that of the group around it.
+        while group > ancestor {
+            group = self.parents[group as usize];
+        }
+        group == ancestor
+    }
+}
+
+impl<'d> Walk<'d, '_> {
+    /// Adds a node and what it holds; false where there is too much.
+    fn visit(&mut self, node: NodeRef<'d>, place: Place<'d>) -> bool {
+        self.steps += 1;
+        let world = &mut self.world;
+        if self.steps > MAX_STEPS || world.shapes.len() > limits::SURFACES || world.lights.len() > limits::LIGHTS {
+            return false;
+        }
+        let placed = || Placed { node, matrix: place.matrix, group: place.group, name: node.def().or(place.name) };
+        match node.kind() {
+            "Shape" => world.shapes.push(placed()),
+            "DirectionalLight" | "PointLight" | "SpotLight" => world.lights.push(placed()),
+            "EnvironmentLight" => self.findings.count(node.at(), "EnvironmentLight nodes were skipped: give an environment map instead"),
+            "Viewpoint" | "OrthoViewpoint" => world.viewpoints.push(placed()),
+            "NavigationInfo" | "KambiNavigationInfo" | "Background" | "TextureBackground" | "Fog" | "LocalFog" => {
+                world.bindables.push(node)
+            }
+            _ => return self.descend(node, place),
+        }
+        true
+    }
+
+    fn descend(&mut self, node: NodeRef<'d>, place: Place<'d>) -> bool {
+        if node.has("visible") && !node.bool("visible") {
+            self.findings.count(node.at(), "groups that are not visible were left out");
+            return true;
+        }
+        let group = self.world.parents.len() as Group;
+        let inner = Place { matrix: place.matrix * space::local(node), group, name: node.def().or(place.name) };
+        let children: Vec<NodeRef<'d>> = match node.kind() {
+            "Switch" => usize::try_from(node.int("whichChoice")).ok().and_then(|i| node.children("children").nth(i)).into_iter().collect(),
+            "LOD" => {
+                if node.children("children").nth(1).is_some() {
+                    self.findings.count(node.at(), "LOD nodes show their first level");
+                }
+                node.children("children").take(1).collect()
+            }
+            "CADFace" => node.node("shape").into_iter().collect(),
+            "Billboard" => {
+                self.findings.count(node.at(), "Billboard nodes were baked as they stand, not turned to a viewer");
+                node.children("children").collect()
+            }
+            _ => match node.inlined() {
+                Some(Inlined::Nodes(roots)) => roots.iter().map(|id| self.document.node(*id)).collect(),
+                Some(Inlined::File(path)) => {
+                    let placed = Placed { node, matrix: inner.matrix, group, name: inner.name };
+                    self.world.files.push((placed, path.clone()));
+                    vec![]
+                }
+                None => node.children("children").collect(),
+            },
+        };
+        if children.is_empty() && self.world.files.last().is_none_or(|(f, _)| f.group != group) {
+            return true;
+        }
+        self.world.parents.push(place.group);
+        children.into_iter().all(|child| self.visit(child, inner))
+    }
+}
+
+/// Where the walk stands.
+#[derive(Debug, Clone, Copy)]
+struct Place<'d> {
+    matrix: DMat4,
+    group: Group,
+    name: Option<&'d str>,
+}
