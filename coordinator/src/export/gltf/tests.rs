@@ -3,6 +3,7 @@
 use super::*;
 use crate::import::{Bundle, Content, Imported, Part as Upload, import_bundle};
 use kiln_proto::{
+    options::ImportOptions,
     scene::{
         AlphaMode, Camera, Coding, Environment, Falloff, LayerMode, Lens, Light, LightShape, Lobe, Mapping, Material, MetallicRoughness,
         NormalMap, Opacity, Part, Phong, Projection, Projector, Reflection, SpotProfile, Surface, Texture, TextureLayer, TextureRef, Triangle,
@@ -113,7 +114,7 @@ fn faithful() -> Scene {
 fn again(name: &str, files: Vec<(&str, Vec<u8>)>) -> Imported {
     let parts = files.into_iter().map(|(name, bytes)| Upload { name: name.into(), content: Content::Bytes(bytes) });
     let bundle = Bundle::from_parts(parts.collect(), Some(name), std::path::Path::new("unused")).unwrap();
-    import_bundle(&bundle).unwrap()
+    import_bundle(&bundle, &ImportOptions::default()).unwrap()
 }
 
 fn back_in(scene: &Scene) -> Scene {
