@@ -108,6 +108,13 @@ fn key(name: &str, wanted: Wanted) -> (String, bool) {
     (name.to_owned(), wanted.coding == Coding::Linear)
 }
 
+impl Images {
+    /// Adds a texture that an importer made itself; transparent where it says so.
+    pub(super) fn push(&mut self, texture: Texture, transparent: bool, at: At<'_>, findings: &mut Findings) -> Option<Image> {
+        self.keep(Decoded { texture, transparent }, None, at, findings)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

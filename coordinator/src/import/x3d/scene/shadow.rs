@@ -8,7 +8,7 @@ use super::{
 };
 use crate::import::{
     findings::Findings,
-    name::unique,
+    name::Names,
     x3d::{NodeId, NodeRef},
 };
 use glam::{DMat4, DVec3};
@@ -16,7 +16,7 @@ use kiln_proto::{
     options::LightUnits,
     scene::{Light, LightShape, ShadowMap},
 };
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 /// The lights of a scene, shining or only named.
 #[derive(Debug, Default)]
@@ -25,7 +25,7 @@ pub(super) struct Lights {
     pub(super) lights: Vec<Light>,
     /// The first light of each node.
     by_node: BTreeMap<NodeId, u32>,
-    names: BTreeSet<String>,
+    names: Names,
 }
 
 /// What a shape's appearance says of shadows.
@@ -55,7 +55,7 @@ impl Lights {
 
     fn add(&mut self, placed: &Placed<'_>, shines: bool, units: LightUnits, findings: &mut Findings) -> Option<u32> {
         let wanted = placed.node.def().unwrap_or(placed.node.kind());
-        let name = unique(wanted, |candidate| self.names.insert(candidate.to_owned()));
+        let name = self.names.take(wanted);
         let light = light::convert(placed, name, shines, units, findings)?;
         let index = self.lights.len() as u32;
         self.lights.push(light);

@@ -4,7 +4,7 @@ use super::{space, walk::Placed};
 use crate::import::{
     findings::{At, Findings},
     mesh::Mesh,
-    name::{Stems, unique},
+    name::{Names, Stems},
     two_sided,
     weld::Weld,
 };
@@ -36,7 +36,7 @@ pub(super) struct Surfaces {
     two_sided: Vec<bool>,
     /// Materials of backs.
     backs: Vec<Option<u32>>,
-    names: BTreeSet<String>,
+    names: Names,
     stems: Stems,
 }
 
@@ -94,7 +94,7 @@ impl Surfaces {
 
     fn push(&mut self, mut surface: Surface, part: Part, name: &str, two_sided: bool, back: Option<u32>) {
         let wanted: String = name.chars().take(limits::NAME_BYTES / 8).collect();
-        surface.name = unique(&wanted, |candidate| self.names.insert(candidate.to_owned()));
+        surface.name = self.names.take(&wanted);
         surface.file_stem = self.stems.take(&surface.name);
         surface.parts = vec![Part { name: surface.name.clone(), ..part }];
         self.fronts.push(surface);
@@ -130,9 +130,10 @@ impl Surfaces {
             scene.materials.push(material);
         }
         scene.textures.append(&mut file.textures);
+        let mut names = Names::of(scene.lights.iter().map(|l| l.name.as_str()));
         for mut light in file.lights {
             place_light(&mut light, &matrix);
-            light.name = unique(&light.name, |candidate| scene.lights.iter().all(|l| l.name != candidate));
+            light.name = names.take(&light.name);
             scene.lights.push(light);
         }
         if !file.cameras.is_empty() {

@@ -140,8 +140,7 @@ impl<'b> Textures<'b> {
         let name = node.def().unwrap_or("PixelTexture").to_owned();
         let image = pixels(node, wanted.coding, name, findings).and_then(|t| {
             let transparent = t.has_alpha && t.texels.chunks_exact(4).any(|p| p[3] < 255);
-            let image = self.images.push(t, node.at(), findings)?;
-            Some(Image { transparent, ..image })
+            self.images.push(t, transparent, node.at(), findings)
         });
         self.pixels.insert(key, image);
         image
