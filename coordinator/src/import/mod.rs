@@ -19,6 +19,7 @@ mod weld;
 mod x3d;
 
 pub use bundle::{Bundle, BundlePath, Content, Part};
+pub use x3d::{Rewritten, X3dEncoding, rewrite as rewrite_x3d};
 
 use crate::records::{Problem, SceneStatistics};
 use findings::{At, Findings};

@@ -6,7 +6,7 @@ use std::fmt::Write;
 /// Where a list goes on in the next line.
 const LINE: usize = 120;
 
-/// The elements of a value that is no node; strings in quotes; booleans in capitals or not; lines broken with `indent`.
+/// The elements of a value that is no node; strings in quotes; booleans in capitals or not; long lists go on in lines that begin with `indent`.
 pub(super) fn elements(ty: FieldType, value: &Value, capitals: bool, indent: &str) -> String {
     let width = ty.width().max(1);
     match value {
@@ -27,7 +27,7 @@ pub(super) fn elements(ty: FieldType, value: &Value, capitals: bool, indent: &st
         Value::Doubles(v) => join(v, width, indent, |v, out| {
             let _ = if is_plain(*v) { write!(out, "{v}") } else { write!(out, "{v:e}") };
         }),
-        Value::Strings(v) => join(v, 1, indent, |v, out| {
+        Value::Strings(v) => join(v, 1, "", |v, out| {
             out.push('"');
             v.chars().for_each(|c| {
                 out.extend(matches!(c, '"' | '\\').then_some('\\'));
@@ -44,14 +44,14 @@ fn is_plain(v: f64) -> bool {
     v == 0.0 || (1e-4..1e9).contains(&v.abs())
 }
 
-/// Numbers with blanks between them and commas between elements of `width` numbers.
+/// Numbers with blanks between them and commas between elements of `width` numbers; lines are broken where there is an indent.
 fn join<T>(values: &[T], width: usize, indent: &str, mut write: impl FnMut(&T, &mut String)) -> String {
     let (mut out, mut line) = (String::new(), 0);
     for (at, value) in values.iter().enumerate() {
         if at > 0 {
             let whole = at % width == 0;
             out.push_str(if whole && width > 1 { ", " } else { " " });
-            if (whole || width == usize::MAX) && out.len() - line > LINE {
+            if !indent.is_empty() && (whole || width == usize::MAX) && out.len() - line > LINE {
                 out.push('\n');
                 line = out.len();
                 out.push_str(indent);

@@ -64,7 +64,9 @@ impl Writer<'_> {
     fn xml_value(&mut self, field: &Field, value: &Value) -> String {
         let text = match value {
             Value::Strings(list) if field.ty.base == Base::String && !field.ty.many => list.first().map_or_else(String::new, |s| s.to_string()),
-            value => literal::elements(field.ty, value, false, &"  ".repeat(self.depth + 1)),
+            Value::Strings(_) => literal::elements(field.ty, value, false, ""),
+            // Digits, blanks and line ends, which may stand as they are.
+            value => return literal::elements(field.ty, value, false, &"  ".repeat(self.depth + 1)),
         };
         let (text, lost) = literal::sayable(&text);
         self.lost += lost;
