@@ -9,6 +9,7 @@ pub mod assemble;
 pub mod blob;
 pub mod config;
 pub mod engine;
+pub mod export;
 pub mod http;
 pub mod import;
 pub mod job;

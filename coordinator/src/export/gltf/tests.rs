@@ -160,9 +160,9 @@ fn the_same_scene_gives_the_same_bytes_and_text_says_what_binary_says() {
     let (one, two) = (export(&scene).unwrap(), export(&scene).unwrap());
     let binary = one.glb().unwrap();
     assert_eq!(binary, two.glb().unwrap());
-    let (text, bytes) = two.gltf("s.bin").unwrap();
+    let (text, bytes) = two.gltf("s 1%.bin").unwrap();
     assert!(binary.ends_with(&bytes));
-    let found = again("s.gltf", vec![("s.gltf", text), ("s.bin", bytes)]).scene;
+    let found = again("s.gltf", vec![("s.gltf", text), ("s 1%.bin", bytes)]).scene;
     assert_eq!((corners(&found), found.materials), (corners(&scene), scene.materials));
 }
 
