@@ -55,7 +55,7 @@ pub fn run(args: &EvalArgs, json: bool) -> Result<(), CommandError> {
     let table = read(&args.queries)?;
     let scratch = submit::scratch()?;
     let bundle = submit::collect(&args.scene, scratch.path())?;
-    let imported = import::import_bundle(&bundle).map_err(|p| api::rejected(&p))?;
+    let imported = import::import_bundle(&bundle, &kiln_proto::options::ImportOptions::default()).map_err(|p| api::rejected(&p))?;
     for warning in &imported.warnings {
         eprintln!("warning: {warning}");
     }

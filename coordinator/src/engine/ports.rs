@@ -133,7 +133,7 @@ impl Pipeline for Kiln {
     fn import(&self, files: Vec<(String, PathBuf)>, scratch: &Path) -> Result<Imported, Vec<Problem>> {
         let parts = files.into_iter().map(|(name, path)| Part { name, content: Content::File(path) }).collect();
         let bundle = Bundle::from_parts(parts, None, scratch).map_err(|problem| vec![problem])?;
-        import::import_bundle(&bundle)
+        import::import_bundle(&bundle, &kiln_proto::options::ImportOptions::default())
     }
 
     fn plan(&self, scene: &Scene, hash: SceneHash, settings: &BakeSettings) -> Result<(Plan, Vec<Problem>), Problem> {

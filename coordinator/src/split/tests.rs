@@ -13,7 +13,7 @@ fn folder(name: &str) -> PathBuf {
 fn scene(name: &str, files: &[&str]) -> Scene {
     let parts = files.iter().map(|f| Part { name: (*f).into(), content: Content::File(folder(name).join(f)) }).collect();
     let bundle = crate::import::Bundle::from_parts(parts, None, &std::env::temp_dir()).unwrap();
-    let imported = import_bundle(&bundle).unwrap();
+    let imported = import_bundle(&bundle, &kiln_proto::options::ImportOptions::default()).unwrap();
     assert_eq!(imported.warnings, []);
     imported.scene
 }
