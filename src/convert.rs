@@ -154,7 +154,8 @@ fn x3d(args: &ConvertArgs, bundle: &Bundle, encoding: X3dEncoding) -> Result<Con
     let mut rewritten = import::rewrite_x3d(bundle, args.time, args.lower_shadows, encoding).map_err(|p| api::rejected(&p))?;
     let folder = |path: &Path| path.parent().map(Path::to_owned).unwrap_or_default();
     if let (Some(first), true) = (rewritten.files.first(), folder(&args.input) != folder(&args.output)) {
-        let message = format!("it refers to {} files (the first is {first}), which were not copied: put them beside it", rewritten.files.len());
+        let message =
+            format!("it refers to {} files (the first is {first}), which were not copied: put them beside it", rewritten.files.len());
         rewritten.warnings.push(Problem { message, file: Some(args.output.display().to_string()), line: None });
     }
     let facts = serde_json::json!({ "lowered_appearances": rewritten.lowered, "refers_to": rewritten.files });
@@ -192,7 +193,10 @@ mod tests {
         let of = |name: &str, lower| target(Path::new(name), lower).map_err(|e| (e.exit_code(), e.to_string()));
         assert_eq!(of("a.GLB", false).unwrap(), Target::Glb);
         assert_eq!(of("d.x/a.x3dv", true).unwrap(), Target::X3d(X3dEncoding::Classic));
-        assert_eq!(of("a.gltf", true).unwrap_err(), (2, "a.gltf: --lower-shadows writes X3D; give the output the ending .x3d or .x3dv".into()));
+        assert_eq!(
+            of("a.gltf", true).unwrap_err(),
+            (2, "a.gltf: --lower-shadows writes X3D; give the output the ending .x3d or .x3dv".into())
+        );
         assert_eq!(of("a.obj", false).unwrap_err().0, 2);
         assert_eq!(files(Path::new("d/a.gltf"), Target::Gltf), [PathBuf::from("d/a.gltf"), PathBuf::from("d/a.bin")]);
     }

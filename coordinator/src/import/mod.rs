@@ -24,7 +24,11 @@ pub use x3d::{Rewritten, X3dEncoding, rewrite as rewrite_x3d};
 use crate::records::{Problem, SceneStatistics};
 use findings::{At, Findings};
 use format::Format;
-use kiln_proto::{limits, options::ImportOptions, scene::Scene};
+use kiln_proto::{
+    limits,
+    options::ImportOptions,
+    scene::{Coding, Scene},
+};
 
 /// The key of the warning that a scene has no light, which is said once.
 const NO_LIGHT: &str = "no light";
@@ -95,6 +99,13 @@ fn import_file(bundle: &Bundle, file: &BundlePath, options: &ImportOptions, find
             findings.push_error(format::refusal(file.as_str(), what));
             None
         }
+    }
+}
+
+/// Decodes an image as materials do, by its content and as TGA, which only a name tells: for fuzzing.
+pub(crate) fn fuzz_image(bytes: &[u8]) {
+    for (name, coding) in [("image", Coding::Srgb), ("image.tga", Coding::Linear)] {
+        drop(texture::decode(name, bytes, coding, true));
     }
 }
 

@@ -39,7 +39,13 @@ impl Buffers {
     /// Adds a vertex attribute of N numbers; returns the index of its accessor. Positions need their bounds (glTF 2.0, 3.7.2.1).
     pub(super) fn attribute<const N: usize>(&mut self, values: &[[f32; N]], bounded: bool) -> Result<usize, ExportError> {
         let view = self.view(values.iter().flatten().flat_map(|v| v.to_le_bytes()), Some(ARRAY))?;
-        let kind = if N == 4 { "VEC4" } else if N == 3 { "VEC3" } else { "VEC2" };
+        let kind = if N == 4 {
+            "VEC4"
+        } else if N == 3 {
+            "VEC3"
+        } else {
+            "VEC2"
+        };
         let mut accessor = json!({"bufferView": view, "componentType": FLOAT, "count": values.len(), "type": kind});
         if bounded {
             let fold = |start: f32, pick: fn(f32, f32) -> f32| {

@@ -97,7 +97,8 @@ impl Writer<'_> {
         match camera.lens {
             Lens::Perspective { fov, of_smaller } => {
                 if of_smaller {
-                    self.notes.count("cameras whose field of view is that of the smaller side have it along the vertical in glTF", &camera.name);
+                    self.notes
+                        .count("cameras whose field of view is that of the smaller side have it along the vertical in glTF", &camera.name);
                 }
                 json.insert("type".into(), json!("perspective"));
                 let yfov = fov.clamp(NARROWEST, PI - NARROWEST);

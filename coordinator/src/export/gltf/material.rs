@@ -179,8 +179,7 @@ impl Maker<'_, '_, '_> {
         }
         // The strength is in the alpha channel: an image without one changes nothing.
         let strength = pbr.specular_texture.filter(|t| self.all.scene.textures[t.texture as usize].has_alpha);
-        for (name, reference, linear) in
-            [("specularTexture", strength, true), ("specularColorTexture", pbr.specular_color_texture, false)]
+        for (name, reference, linear) in [("specularTexture", strength, true), ("specularColorTexture", pbr.specular_color_texture, false)]
         {
             if let Some(reference) = reference
                 && let Some(info) = self.texture(&reference, None, linear)?

@@ -1,6 +1,9 @@
 //! Surfaces as meshes: corners that agree in everything become one vertex again.
 
-use super::{ExportError, Writer, material::{Coordinates, Materials}};
+use super::{
+    ExportError, Writer,
+    material::{Coordinates, Materials},
+};
 use glam::Vec3;
 use kiln_proto::scene::{Part, Reflection, Surface};
 use serde_json::{Map, Value, json};

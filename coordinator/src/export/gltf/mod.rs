@@ -14,9 +14,9 @@ mod light;
 mod material;
 mod mesh;
 mod notes;
-mod texture;
 #[cfg(test)]
 mod tests;
+mod texture;
 
 use crate::records::Problem;
 use buffer::Buffers;
@@ -80,8 +80,7 @@ struct Writer<'s> {
 /// # Errors
 /// A scene that does not fit into the lengths of the format; an image that cannot be coded.
 pub fn export(scene: &Scene) -> Result<Exported, ExportError> {
-    let mut writer =
-        Writer { scene, buffers: Buffers::default(), notes: Notes::default(), extensions: BTreeSet::new(), nodes: vec![] };
+    let mut writer = Writer { scene, buffers: Buffers::default(), notes: Notes::default(), extensions: BTreeSet::new(), nodes: vec![] };
     let mut materials = Materials::new(scene);
     let meshes = writer.meshes(&mut materials)?;
     let lights = writer.lights();

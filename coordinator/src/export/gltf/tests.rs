@@ -6,8 +6,8 @@ use kiln_proto::{
     options::ImportOptions,
     scene::{
         AlphaMode, Camera, Coding, Environment, Falloff, LayerMode, Lens, Light, LightShape, Lobe, Mapping, Material, MetallicRoughness,
-        NormalMap, Opacity, Part, Phong, Projection, Projector, Reflection, SpotProfile, Surface, Texture, TextureLayer, TextureRef, Triangle,
-        Wrap,
+        NormalMap, Opacity, Part, Phong, Projection, Projector, Reflection, SpotProfile, Surface, Texture, TextureLayer, TextureRef,
+        Triangle, Wrap,
     },
     units::Rgb,
 };
@@ -24,9 +24,10 @@ fn quad(scene: &mut Scene, name: &str, z: f32, material: u32) -> Surface {
     scene.positions.extend([[0.0, 0.0, z], [1.0, 0.0, z], [1.0, 1.5, z], [0.0, 1.5, z]]);
     let [a, b, c, d] = [[0.125, 0.25], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
     let triangles = [([0, 1, 2], [a, b, c]), ([0, 2, 3], [a, c, d])];
-    let triangles = triangles.iter().enumerate().map(|(i, (corners, uv))| {
-        (Triangle { corners: corners.map(|v| first + v), polygon: i as u32 }, Some(*uv))
-    });
+    let triangles = triangles
+        .iter()
+        .enumerate()
+        .map(|(i, (corners, uv))| (Triangle { corners: corners.map(|v| first + v), polygon: i as u32 }, Some(*uv)));
     Surface::plain(name, material, triangles.collect())
 }
 
@@ -46,7 +47,12 @@ fn two_sided(front: &Surface, index: u32) -> Surface {
 fn faithful() -> Scene {
     let mut scene = Scene::empty();
     scene.textures = vec![image("colour.png", Coding::Srgb, true), image("numbers.png", Coding::Linear, false)];
-    let color = TextureRef { wrap: [Wrap::Mirror, Wrap::Clamp], nearest: true, transform: [[2.0, 0.0, 0.25], [0.0, -0.5, 0.125]], ..TextureRef::plain(0, 0) };
+    let color = TextureRef {
+        wrap: [Wrap::Mirror, Wrap::Clamp],
+        nearest: true,
+        transform: [[2.0, 0.0, 0.25], [0.0, -0.5, 0.125]],
+        ..TextureRef::plain(0, 0)
+    };
     let numbers = TextureRef::plain(1, 0);
     let pbr = MetallicRoughness {
         layers: vec![TextureLayer { texture: color, mode: LayerMode::Modulate { scale: 1.0 } }],
@@ -102,11 +108,10 @@ fn faithful() -> Scene {
             },
         ),
     ];
-    let camera = |name: &str, lens| Camera { name: name.into(), eye: [0.5, 0.5, 4.0], forward: [0.0, 0.0, -1.0], up: [0.0, 1.0, 0.0], lens };
-    scene.cameras = vec![
-        camera("eye", Lens::Perspective { fov: 0.8, of_smaller: false }),
-        camera("plan", Lens::Orthographic { half_height: 2.5 }),
-    ];
+    let camera =
+        |name: &str, lens| Camera { name: name.into(), eye: [0.5, 0.5, 4.0], forward: [0.0, 0.0, -1.0], up: [0.0, 1.0, 0.0], lens };
+    scene.cameras =
+        vec![camera("eye", Lens::Perspective { fov: 0.8, of_smaller: false }), camera("plan", Lens::Orthographic { half_height: 2.5 })];
     scene.validate().unwrap();
     scene
 }
@@ -187,7 +192,10 @@ fn phong_keeps_its_colour_its_reflectance_and_its_width() {
     let found = imported_pbr(&matt);
     assert_eq!((found.base_color, found.specular, found.metallic), (Rgb::new(0.2, 0.3, 0.4), 0.0, 0.0));
     let glossy = |diffuse, specular| {
-        one_material(Material::new("m", Reflection::Phong(Phong { specular, lobe: Lobe::Phong { exponent: 30.0 }, ..Phong::matt(diffuse) })))
+        one_material(Material::new(
+            "m",
+            Reflection::Phong(Phong { specular, lobe: Lobe::Phong { exponent: 30.0 }, ..Phong::matt(diffuse) }),
+        ))
     };
     let plastic = glossy(Rgb::splat(0.5), Rgb::splat(0.2));
     assert!(export(&plastic).unwrap().warnings[0].message.contains("glossy Phong"));
@@ -248,10 +256,12 @@ fn what_is_left_out_is_counted_and_the_rest_is_valid() {
     if let LightShape::Spot { cut_off, beam_width, profile, .. } = &mut scene.lights[2].shape {
         (*cut_off, *beam_width, *profile) = (2.0, 2.0, SpotProfile::Linear);
     }
-    scene.surfaces[0].parts[0] = Part { casts_shadows: false, receive_shadows: vec![1], unlit_by: vec![0], ..scene.surfaces[0].parts[0].clone() };
+    scene.surfaces[0].parts[0] =
+        Part { casts_shadows: false, receive_shadows: vec![1], unlit_by: vec![0], ..scene.surfaces[0].parts[0].clone() };
     scene.validate().unwrap();
     let told: Vec<String> = export(&scene).unwrap().warnings.into_iter().map(|w| w.message).collect();
-    for word in ["`sky.hdr`", "more textures", "falloff", "ambient", "linearly", "half space", "no shadow", "shadow fields", "do not shine"] {
+    for word in ["`sky.hdr`", "more textures", "falloff", "ambient", "linearly", "half space", "no shadow", "shadow fields", "do not shine"]
+    {
         assert!(told.iter().any(|m| m.contains(word)), "{word}: {told:#?}");
     }
     assert!(told.iter().any(|m| m.starts_with("materials have more textures") && m.contains(": 2, the first is `slide`")), "{told:#?}");

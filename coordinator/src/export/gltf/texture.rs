@@ -11,7 +11,10 @@ use kiln_proto::{
     scene::{Coding, Mapping, Scene, Texture, TextureRef, Wrap},
 };
 use serde_json::{Value, json};
-use std::{collections::BTreeMap, f64::consts::{FRAC_PI_2, PI}};
+use std::{
+    collections::BTreeMap,
+    f64::consts::{FRAC_PI_2, PI},
+};
 
 /// How far a transform may be, relative to its size, from what glTF's three numbers say of it.
 const TOLERANCE: f64 = 1e-6;

@@ -88,8 +88,7 @@ fn group(document: &mut Document, id: NodeId, children: Vec<NodeId>) {
     let Some((field, _)) = kind.field("children") else { return };
     let node = &mut document.nodes[id.0 as usize];
     let old = std::mem::replace(&mut node.kind, kind);
-    let kept: BTreeMap<u16, u16> =
-        old.fields.iter().enumerate().filter_map(|(i, f)| Some((i as u16, kind.field(f.name)?.0))).collect();
+    let kept: BTreeMap<u16, u16> = old.fields.iter().enumerate().filter_map(|(i, f)| Some((i as u16, kind.field(f.name)?.0))).collect();
     let fields = std::mem::take(&mut node.fields);
     node.fields = fields.into_iter().filter_map(|set| Some(Set { field: *kept.get(&set.field)?, ..set })).collect();
     let place = node.place;

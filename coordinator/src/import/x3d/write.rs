@@ -8,9 +8,9 @@
 mod classic;
 mod literal;
 mod names;
-mod xml;
 #[cfg(test)]
 mod tests;
+mod xml;
 
 use super::{
     document::{Document, NodeId, Route, Set},

@@ -1,8 +1,7 @@
 //! The shortcut and what it stands for are the same to whoever bakes them.
 
 use crate::import::{
-    Bundle, Content, Part,
-    import_bundle,
+    Bundle, Content, Part, import_bundle,
     x3d::{X3dEncoding, rewrite},
 };
 use kiln_proto::{options::ImportOptions, scene::Scene};
@@ -102,12 +101,19 @@ fn files_are_inlined_and_addresses_count_from_the_main_file() {
     let part = |name: &str, text: &str| Part { name: name.into(), content: Content::Bytes(text.as_bytes().to_vec()) };
     let parts = vec![
         part("s/main.x3dv", "#X3D V3.0 utf8\nTransform { children DEF In Inline { url \"sub/part.x3d\" bboxSize 1 1 1 } }"),
-        part("s/sub/part.x3d", "<X3D version='3.0'><Scene><Shape><Appearance><ImageTexture url='\"../t/a.png\"'/></Appearance><Box/></Shape></Scene></X3D>"),
+        part(
+            "s/sub/part.x3d",
+            "<X3D version='3.0'><Scene><Shape><Appearance><ImageTexture url='\"../t/a.png\"'/></Appearance><Box/></Shape></Scene></X3D>",
+        ),
         part("s/t/a.png", "no matter"),
     ];
     let bundle = Bundle::from_parts(parts, Some("s/main.x3dv"), &std::env::temp_dir()).unwrap();
     let out = rewrite(&bundle, None, false, X3dEncoding::Classic).unwrap();
-    assert!(out.text.contains("DEF In Group {\n") && out.text.contains("url [\"t/a.png\"]") && out.text.contains("bboxSize 1 1 1"), "{}", out.text);
+    assert!(
+        out.text.contains("DEF In Group {\n") && out.text.contains("url [\"t/a.png\"]") && out.text.contains("bboxSize 1 1 1"),
+        "{}",
+        out.text
+    );
     assert_eq!(out.files, ["t/a.png"]);
     assert!(out.warnings.iter().any(|w| w.message.starts_with("Inline nodes were replaced")), "{:?}", out.warnings);
 }

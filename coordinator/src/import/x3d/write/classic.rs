@@ -1,7 +1,10 @@
 //! ClassicVRML (ISO/IEC 19776-2).
 
 use super::{Fields, Writer, literal};
-use crate::import::x3d::{document::{NodeId, Route}, table::Field};
+use crate::import::x3d::{
+    document::{NodeId, Route},
+    table::Field,
+};
 
 impl Writer<'_> {
     pub(super) fn classic(&mut self, version: u32, routes: &[&Route]) {

@@ -10,17 +10,21 @@ const LINE: usize = 120;
 pub(super) fn elements(ty: FieldType, value: &Value, capitals: bool, indent: &str) -> String {
     let width = ty.width().max(1);
     match value {
-        Value::Ints(v) if ty.base == Base::Bool => {
-            join(v, 1, indent, |v, out| out.push_str(match (*v != 0, capitals) {
+        Value::Ints(v) if ty.base == Base::Bool => join(v, 1, indent, |v, out| {
+            out.push_str(match (*v != 0, capitals) {
                 (true, true) => "TRUE",
                 (false, true) => "FALSE",
                 (true, false) => "true",
                 (false, false) => "false",
-            }))
-        }
+            })
+        }),
         // Pixels take 32 bits without a sign; sizes are never negative.
-        Value::Ints(v) if ty.base == Base::Image => join(v, usize::MAX, indent, |v, out| { let _ = write!(out, "{}", *v as u32); }),
-        Value::Ints(v) => join(v, width, indent, |v, out| { let _ = write!(out, "{v}"); }),
+        Value::Ints(v) if ty.base == Base::Image => join(v, usize::MAX, indent, |v, out| {
+            let _ = write!(out, "{}", *v as u32);
+        }),
+        Value::Ints(v) => join(v, width, indent, |v, out| {
+            let _ = write!(out, "{v}");
+        }),
         Value::Floats(v) => join(v, width, indent, |v, out| {
             let _ = if is_plain(f64::from(*v)) { write!(out, "{v}") } else { write!(out, "{v:e}") };
         }),
@@ -64,7 +68,8 @@ fn join<T>(values: &[T], width: usize, indent: &str, mut write: impl FnMut(&T, &
 
 /// A text without the characters that XML 1.0 cannot say and Kiln's readers refuse, and how many they were.
 pub(super) fn sayable(text: &str) -> (String, usize) {
-    let cannot = |c: char| (c.is_control() && !matches!(c, '\t' | '\n' | '\r' | '\u{7f}'..='\u{9f}')) || matches!(c, '\u{fffe}' | '\u{ffff}');
+    let cannot =
+        |c: char| (c.is_control() && !matches!(c, '\t' | '\n' | '\r' | '\u{7f}'..='\u{9f}')) || matches!(c, '\u{fffe}' | '\u{ffff}');
     let lost = text.chars().filter(|c| cannot(*c)).count();
     (text.chars().map(|c| if cannot(c) { char::REPLACEMENT_CHARACTER } else { c }).collect(), lost)
 }

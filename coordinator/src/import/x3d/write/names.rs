@@ -1,12 +1,37 @@
 //! Which nodes need a name, and which they get.
 
-use crate::import::{name::Names as Unique, x3d::document::{Document, NodeId}};
+use crate::import::{
+    name::Names as Unique,
+    x3d::document::{Document, NodeId},
+};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Words that ClassicVRML keeps for itself.
 const KEYWORDS: [&str; 24] = [
-    "AS", "COMPONENT", "DEF", "EXPORT", "EXTERNPROTO", "FALSE", "IMPORT", "IS", "META", "NULL", "PROFILE", "PROTO", "ROUTE", "TO", "TRUE",
-    "UNIT", "USE", "eventIn", "eventOut", "exposedField", "field", "initializeOnly", "inputOnly", "inputOutput",
+    "AS",
+    "COMPONENT",
+    "DEF",
+    "EXPORT",
+    "EXTERNPROTO",
+    "FALSE",
+    "IMPORT",
+    "IS",
+    "META",
+    "NULL",
+    "PROFILE",
+    "PROTO",
+    "ROUTE",
+    "TO",
+    "TRUE",
+    "UNIT",
+    "USE",
+    "eventIn",
+    "eventOut",
+    "exposedField",
+    "field",
+    "initializeOnly",
+    "inputOnly",
+    "inputOutput",
 ];
 
 /// The names of the nodes that are written.

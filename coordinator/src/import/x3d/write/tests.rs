@@ -10,9 +10,12 @@ pub(in crate::import::x3d) fn meaning(document: &Document) -> String {
     for root in &document.roots {
         mean(document, *root, &mut numbers, &mut out);
     }
-    let mut routes: Vec<String> = document.routes.iter().filter(|r| r.factor == 1.0).filter_map(|r| {
-        Some(format!("{}.{} -> {}.{}", numbers.get(&r.from.0)?, r.from.1, numbers.get(&r.to.0)?, r.to.1))
-    }).collect();
+    let mut routes: Vec<String> = document
+        .routes
+        .iter()
+        .filter(|r| r.factor == 1.0)
+        .filter_map(|r| Some(format!("{}.{} -> {}.{}", numbers.get(&r.from.0)?, r.from.1, numbers.get(&r.to.0)?, r.to.1)))
+        .collect();
     routes.sort();
     out + &routes.join("\n")
 }
@@ -36,7 +39,9 @@ fn mean(document: &Document, id: NodeId, numbers: &mut BTreeMap<NodeId, usize>, 
         }
     }
     for set in &node.fields {
-        if let Value::Nodes(ids) = &set.value && !ids.is_empty() {
+        if let Value::Nodes(ids) = &set.value
+            && !ids.is_empty()
+        {
             let _ = writeln!(out, " .{}", node.kind.fields[usize::from(set.field)].name);
             ids.iter().for_each(|id| mean(document, *id, numbers, out));
         }
@@ -114,7 +119,9 @@ fn a_field_whose_default_has_changed_is_always_written() {
 
 #[test]
 fn the_text_is_what_it_is() {
-    let document = classic(r#"DEF L SpotLight { location 0 1 0 } Shape { appearance Appearance { receiveShadows USE L } geometry Sphere {} }"#).clean();
+    let document =
+        classic(r#"DEF L SpotLight { location 0 1 0 } Shape { appearance Appearance { receiveShadows USE L } geometry Sphere {} }"#)
+            .clean();
     assert_eq!(
         write(&document, X3dEncoding::Xml).text,
         "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<X3D profile='Full' version='3.0'>\n  <Scene>\n    <SpotLight DEF='L' location='0 1 0'/>\n    \

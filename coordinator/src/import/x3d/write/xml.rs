@@ -63,7 +63,9 @@ impl Writer<'_> {
     /// The text of an attribute: one string stands bare, a list of them in quotes.
     fn xml_value(&mut self, field: &Field, value: &Value) -> String {
         let text = match value {
-            Value::Strings(list) if field.ty.base == Base::String && !field.ty.many => list.first().map_or_else(String::new, |s| s.to_string()),
+            Value::Strings(list) if field.ty.base == Base::String && !field.ty.many => {
+                list.first().map_or_else(String::new, |s| s.to_string())
+            }
             Value::Strings(_) => literal::elements(field.ty, value, false, ""),
             // Digits, blanks and line ends, which may stand as they are.
             value => return literal::elements(field.ty, value, false, &"  ".repeat(self.depth + 1)),
