@@ -10,7 +10,7 @@ use serde_json::{Map, Value, json};
 use std::f32::consts::{FRAC_PI_2, PI};
 
 /// The inner angle of a cone must be less than the outer one (KHR_lights_punctual): this share of it is near enough.
-const INNER: f32 = 0.999;
+const INNER: f32 = 0.99;
 /// The least angle that a cone is given, radians.
 const NARROWEST: f32 = 1e-3;
 /// What a perspective camera shows begins at this share of the scene's diagonal, which glTF wants and a bake does not know.
@@ -44,6 +44,9 @@ impl Writer<'_> {
                 }
                 if cut_off > FRAC_PI_2 {
                     self.notes.count("spot lights wider than a half space were narrowed to one, the widest that glTF has", &light.name);
+                }
+                if beam_width > cut_off * INNER {
+                    self.notes.count("spot lights without a soft edge, which glTF forbids, were given a narrow one", &light.name);
                 }
                 let outer = cut_off.clamp(NARROWEST, FRAC_PI_2);
                 lamp["type"] = json!("spot");

@@ -260,8 +260,18 @@ fn what_is_left_out_is_counted_and_the_rest_is_valid() {
         Part { casts_shadows: false, receive_shadows: vec![1], unlit_by: vec![0], ..scene.surfaces[0].parts[0].clone() };
     scene.validate().unwrap();
     let told: Vec<String> = export(&scene).unwrap().warnings.into_iter().map(|w| w.message).collect();
-    for word in ["`sky.hdr`", "more textures", "falloff", "ambient", "linearly", "half space", "no shadow", "shadow fields", "do not shine"]
-    {
+    for word in [
+        "`sky.hdr`",
+        "more textures",
+        "falloff",
+        "ambient",
+        "linearly",
+        "half space",
+        "soft edge",
+        "no shadow",
+        "shadow fields",
+        "do not shine",
+    ] {
         assert!(told.iter().any(|m| m.contains(word)), "{word}: {told:#?}");
     }
     assert!(told.iter().any(|m| m.starts_with("materials have more textures") && m.contains(": 2, the first is `slide`")), "{told:#?}");

@@ -2,6 +2,7 @@
 
 use super::{
     document::{Document, Inlined, NodeId, Set},
+    limits::MAX_DEPTH,
     lower, read, table,
     value::Value,
     write::{self, X3dEncoding},
@@ -44,6 +45,12 @@ pub fn rewrite(bundle: &Bundle, time: Option<f64>, lower_shadows: bool, encoding
     let Some(mut document) = document else { return Err(findings.into_errors(main.as_str())) };
     let files = flatten(bundle, &mut document, &mut findings);
     let lowered = if lower_shadows { lower::lower(&mut document, &mut findings) } else { 0 };
+    if depth(&document) > MAX_DEPTH {
+        let message =
+            format!("with its files inlined and its shadows written out the scene has more than {MAX_DEPTH} nodes inside one another");
+        findings.error(At::file(main.as_str()), message);
+        return Err(findings.into_errors(main.as_str()));
+    }
     let written = write::write(&document, encoding);
     if written.lost_routes > 0 {
         let message = "ROUTEs from or to nodes that stand nowhere in the scene, or between angles of other units, were left out";
@@ -54,6 +61,20 @@ pub fn rewrite(bundle: &Bundle, time: Option<f64>, lower_shadows: bool, encoding
         findings.warn(At::file(main.as_str()), format!("{message}: {}", written.lost_characters));
     }
     Ok(Rewritten { text: written.text, warnings: findings.into_warnings(), lowered, files })
+}
+
+/// Nodes on the longest path of a document. Cost: linear; recursion as deep.
+fn depth(document: &Document) -> u16 {
+    fn of(document: &Document, id: NodeId, known: &mut [u16]) -> u16 {
+        let at = id.0 as usize;
+        if known[at] == 0 {
+            let children = document.nodes[at].fields.iter().flat_map(|set| set.value.nodes());
+            known[at] = children.map(|child| of(document, *child, known)).max().unwrap_or_default().saturating_add(1);
+        }
+        known[at]
+    }
+    let mut known = vec![0; document.nodes.len()];
+    document.roots.iter().map(|root| of(document, *root, &mut known)).max().unwrap_or_default()
 }
 
 /// Makes one file of a document: what Inline nodes brought in becomes a Group in their place, addresses count from the main file. Returns the

@@ -117,3 +117,14 @@ fn files_are_inlined_and_addresses_count_from_the_main_file() {
     assert_eq!(out.files, ["t/a.png"]);
     assert!(out.warnings.iter().any(|w| w.message.starts_with("Inline nodes were replaced")), "{:?}", out.warnings);
 }
+
+#[test]
+fn what_would_be_too_deep_to_read_again_is_refused() {
+    let deep = |groups: usize| {
+        let shape = "Shape { appearance Appearance { receiveShadows USE L material Material {} } geometry Box {} }";
+        format!("{HEAD}DEF L SpotLight {{ location 0 3 0 }}\n{}{shape}{}", "Group { children ".repeat(groups), "}".repeat(groups))
+    };
+    let outcome = |groups| rewrite(&bundle(&deep(groups)), None, true, X3dEncoding::Classic);
+    assert!(outcome(150).is_ok_and(|out| rewrite(&bundle(&out.text), None, false, X3dEncoding::Xml).is_ok()));
+    assert!(outcome(197).unwrap_err()[0].message.contains("more than 200 nodes inside one another"));
+}
