@@ -5,6 +5,7 @@
 //! twice.
 
 use crate::import::{Bundle, Content, Part, X3dEncoding, import_bundle, rewrite_x3d};
+use image::{ImageFormat, ImageReader};
 use kiln_proto::{
     format::{Header, Kind, container, header, manifest::Manifest, surface::SurfaceFiles},
     options::ImportOptions,
@@ -25,25 +26,32 @@ pub struct Target {
     pub name: &'static str,
     /// Reads bytes.
     pub run: fn(&[u8]),
+    /// Bytes that it may hold for the images that its input declares.
+    pub images: fn(&[u8]) -> u64,
 }
 
 const fn target(name: &'static str, run: fn(&[u8])) -> Target {
-    Target { name, run }
+    Target { name, run, images: |_| 0 }
+}
+
+/// A target whose input may have images in it.
+const fn pictured(name: &'static str, run: fn(&[u8])) -> Target {
+    Target { name, run, images: declared_images }
 }
 
 /// All of them.
 pub const TARGETS: [Target; 19] = [
     target("obj", |bytes| import("s.obj", bytes)),
     target("mtl", mtl),
-    target("gltf", |bytes| import("s.gltf", bytes)),
-    target("glb", |bytes| import("s.glb", bytes)),
+    pictured("gltf", |bytes| import("s.gltf", bytes)),
+    pictured("glb", |bytes| import("s.glb", bytes)),
     target("x3d_xml", |bytes| import("s.x3d", bytes)),
     target("x3d_classic", |bytes| import("s.x3dv", bytes)),
     target("x3d_json", |bytes| import("s.x3dj", bytes)),
     target("x3d_gzip", |bytes| import("s.x3dz", bytes)),
     target("x3d_rewrite", rewrite),
     target("zip", zip),
-    target("image", crate::import::fuzz_image),
+    Target { name: "image", run: crate::import::fuzz_image, images: |bytes| declared_images(bytes).max(declared_tga(bytes)) },
     target("frame", frames),
     target("segment", segment),
     target("scene", |bytes| drop(Scene::from_bytes(bytes))),
@@ -62,15 +70,22 @@ pub fn find(name: &str) -> Option<Target> {
 
 /// Bytes that decoding the images in a file may take by what they say of their size: eight a pixel while they are decoded (four channels of
 /// 16 bits), eight more for what is made of them. Images are found by the magic numbers of PNG, JPEG and BMP, as they are or in base64.
-#[must_use]
-pub fn declared_images(bytes: &[u8]) -> u64 {
+fn declared_images(bytes: &[u8]) -> u64 {
     const MAGIC: [&[u8]; 3] = [b"\x89PNG", b"\xff\xd8\xff", b"BM"];
     let starts = (0..bytes.len()).filter(|at| MAGIC.iter().any(|magic| bytes[*at..].starts_with(magic)));
-    let plain =
-        starts.filter_map(|at| image::ImageReader::new(Cursor::new(&bytes[at..])).with_guessed_format().ok()?.into_dimensions().ok());
-    let sum = plain.map(|(width, height)| u64::from(width) * u64::from(height)).fold(0, u64::saturating_add).saturating_mul(16);
+    let sizes = starts.filter_map(|at| ImageReader::new(Cursor::new(&bytes[at..])).with_guessed_format().ok()?.into_dimensions().ok());
+    let sum = sizes.map(pixels).fold(0, u64::saturating_add);
     let marks = bytes.windows(7).enumerate().filter(|(_, w)| *w == b"base64,").map(|(at, _)| &bytes[at + 7..]);
     marks.take(64).fold(sum, |sum, rest| sum.saturating_add(in_base64(rest)))
+}
+
+/// What the bytes declare if they are a TGA, which no magic number tells.
+fn declared_tga(bytes: &[u8]) -> u64 {
+    ImageReader::with_format(Cursor::new(bytes), ImageFormat::Tga).into_dimensions().map_or(0, pixels)
+}
+
+fn pixels((width, height): (u32, u32)) -> u64 {
+    (u64::from(width) * u64::from(height)).saturating_mul(16)
 }
 
 fn in_base64(text: &[u8]) -> u64 {

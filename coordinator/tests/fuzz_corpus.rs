@@ -4,7 +4,7 @@
 #[path = "../../fuzz/src/bounds.rs"]
 mod bounds;
 
-use kiln_coordinator::fuzzing::{TARGETS, declared_images};
+use kiln_coordinator::fuzzing::TARGETS;
 use std::{collections::BTreeSet, path::PathBuf};
 
 #[global_allocator]
@@ -36,7 +36,7 @@ fn no_parser_panics_or_takes_more_memory_than_it_may() {
             for length in [whole.len(), whole.len() / 2, whole.len().saturating_sub(1)] {
                 let input = &whole[..length];
                 let peak = bounds::peak(|| (target.run)(input));
-                let allowed = bounds::allowed(input, declared_images(input));
+                let allowed = bounds::allowed(input, (target.images)(input));
                 if peak > allowed {
                     missed.push(format!("{}, first {length} bytes: {peak} bytes at once; {allowed} are allowed", path.display()));
                 }

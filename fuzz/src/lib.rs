@@ -8,7 +8,6 @@ pub mod bounds;
 pub use kiln_coordinator::fuzzing::Target;
 pub use libfuzzer_sys;
 
-use kiln_coordinator::fuzzing::declared_images;
 use std::time::{Duration, Instant};
 
 #[global_allocator]
@@ -30,7 +29,7 @@ pub fn run(target: Target, input: &[u8]) {
     }
     // What images declare is looked for only where it matters: it costs more than most parsers.
     if peak > bounds::allowed(input, 0) {
-        let allowed = bounds::allowed(input, declared_images(input));
+        let allowed = bounds::allowed(input, (target.images)(input));
         assert!(peak <= allowed, "{}: {} bytes of input took {peak} bytes at once; {allowed} are allowed", target.name, input.len());
     }
 }
