@@ -5,6 +5,7 @@
 mod bad_input;
 mod bake;
 mod browser;
+mod convert;
 mod determinism;
 mod faults;
 mod full_disk;

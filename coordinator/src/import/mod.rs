@@ -6,6 +6,7 @@
 //! The alternative, passing parser errors through, is a page shorter and leaves "face parse error" as the whole answer.
 
 pub mod bundle;
+mod coat;
 mod environment;
 mod findings;
 pub mod format;
@@ -15,17 +16,26 @@ mod images;
 pub mod mesh;
 mod name;
 pub mod obj;
+mod statistics;
+mod surfaces;
 mod texture;
 mod two_sided;
+mod uri;
 mod weld;
 mod x3d;
 
 pub use bundle::{Bundle, BundlePath, Content, Part};
+pub use statistics::statistics;
+pub use x3d::{Rewritten, X3dEncoding, rewrite as rewrite_x3d};
 
 use crate::records::{Problem, SceneStatistics};
 use findings::{At, Findings};
 use format::Format;
-use kiln_proto::{limits, options::ImportOptions, scene::Scene};
+use kiln_proto::{
+    limits,
+    options::ImportOptions,
+    scene::{Coding, Scene},
+};
 
 /// The key of the warning that a scene has no light, which is said once.
 const NO_LIGHT: &str = "no light";
@@ -117,25 +127,10 @@ fn listed(names: &[String]) -> String {
     format!("{}{more}", names[..names.len().min(SHOWN)].join(", "))
 }
 
-/// Counts of a scene.
-#[must_use]
-pub fn statistics(scene: &Scene) -> SceneStatistics {
-    let emissive = scene
-        .surfaces
-        .iter()
-        .flat_map(|s| &s.parts)
-        .filter(|p| scene.materials[p.material as usize].is_emissive())
-        .map(|p| u64::from(p.triangles))
-        .sum();
-    let (low, high) = scene.bounds();
-    SceneStatistics {
-        triangles: scene.triangle_count() as u64,
-        surfaces: scene.surfaces.iter().map(|s| s.name.clone()).collect(),
-        materials: scene.materials.len() as u64,
-        textures: scene.textures.len() as u64,
-        emissive_triangles: emissive,
-        low,
-        high,
+/// Decodes an image as materials do, by its content and as TGA, which only a name tells: for fuzzing.
+pub(crate) fn fuzz_image(bytes: &[u8]) {
+    for (name, coding) in [("image", Coding::Srgb), ("image.tga", Coding::Linear)] {
+        drop(texture::decode(name, bytes, coding, true));
     }
 }
 

@@ -13,6 +13,7 @@ mod material;
 mod sample;
 mod texture;
 mod validate;
+mod veil;
 
 pub use light::{
     Camera, Environment, Falloff, Lens, Light, LightShape, Projection, Projector, ShadowCompare, ShadowMap, ShadowUpdate, SpotProfile,
@@ -23,6 +24,7 @@ pub use material::{
 pub use sample::Place;
 pub use texture::{Coding, Texture};
 pub use validate::{InvalidScene, energy_scale};
+pub use veil::Veil;
 
 use crate::{
     ids::SceneHash,

@@ -24,6 +24,14 @@ pub(crate) enum Points<'a> {
 }
 
 impl Points<'_> {
+    /// The triangle of the centre.
+    pub(crate) fn triangle(&self) -> u32 {
+        match self {
+            Points::Fixed(point) => point.triangle,
+            Points::Area { texel, .. } => texel.triangle,
+        }
+    }
+
     /// The point that is always covered.
     pub(crate) fn centre(&self) -> SurfacePoint {
         match self {

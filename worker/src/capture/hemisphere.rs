@@ -113,8 +113,10 @@ pub(crate) fn capture(scene: &BakeScene, site: &Site<'_>, budget: Budget, views:
     let mut tracer = Tracer::new(scene, budget.max_depth);
     if mean.is_gathered {
         let mut drawing = Drawing { scene, tracer: &mut tracer, site, mean: &mean };
-        let behind = (mean.behind * budget.samples as f32 + 0.5) as u32;
-        let [front, behind] = [budget.samples - behind, behind].map(|n| Counts::new(n, budget, &mean, views.targets().len()));
+        // A side that light comes from has at least one sample.
+        let behind = if mean.behind > 0.0 { ((mean.behind * budget.samples as f32) as u32).max(1) } else { 0 };
+        let front = budget.samples.saturating_sub(behind).max(1);
+        let [front, behind] = [front, behind].map(|n| Counts::new(n, budget, &mean, views.targets().len()));
         scratch.front.clear();
         scratch.behind.clear();
         drawing.cosine(Side::Front, front.cosine, &mut scratch.front);

@@ -2,6 +2,9 @@
 //!
 //! A [`Capture`] joins a traced scene with a job's plan. Texels are independent: each is a function of (scene, settings, surface, texel), so
 //! tiles run on any number of threads, and a gutter texel is computed by whoever needs it.
+//!
+//! What a texel holds is what its surface emits, reflects and scatters through, never multiplied by its opacity: a viewer covers what lies behind
+//! by that. Light that passes straight through, a blended surface or clear glass, is not in it; light that rough glass scatters is.
 
 mod directions;
 mod draw;
@@ -17,6 +20,8 @@ pub(crate) mod site;
 mod material_tests;
 #[cfg(test)]
 mod reference_tests;
+#[cfg(test)]
+mod smooth_tests;
 #[cfg(test)]
 mod tests;
 

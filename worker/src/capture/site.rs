@@ -1,6 +1,7 @@
 //! What is gathered, a texel or a single point, and what its material is like on the whole.
 
 use super::{
+    directions::across,
     footprint::Points,
     gather::{Sample, Shape},
 };
@@ -11,8 +12,6 @@ use crate::{
 };
 use glam::Vec3;
 use kiln_proto::{frame::Frame, scene::Material, units::Rgb};
-
-use super::directions::across;
 
 /// Points whose mean a textured texel's density is made for.
 const POINTS: u32 = 16;
@@ -37,19 +36,18 @@ pub(crate) struct Site<'a> {
 impl Site<'_> {
     /// The material of its centre, which all of its points share.
     pub(super) fn material<'s>(&self, scene: &'s BakeScene) -> &'s Material {
-        scene.material_of(scene.prim_of(self.surface, self.points.centre().triangle))
+        scene.material_of(scene.prim_of(self.surface, self.points.triangle()))
     }
 
     /// The vertex of a sample, in the surface's own frame at its point. Where a chart runs on into another material, the centre stands in.
     pub(super) fn vertex(&self, scene: &BakeScene, index: u32, dimension: fn(u32) -> Dimension) -> Vertex {
-        let (point, centre) = (self.points.at(self.key, index, dimension), self.points.centre());
-        let material = |triangle: u32| scene.prim(scene.prim_of(self.surface, triangle)).material;
-        let point = if point.triangle == centre.triangle || material(point.triangle) == material(centre.triangle) { point } else { centre };
-        let frame = if scene.prim(scene.prim_of(self.surface, point.triangle)).smooth.is_some() {
-            self.points.frame(&point).unwrap_or(self.frame)
-        } else {
-            self.frame
-        };
+        let mut point = self.points.at(self.key, index, dimension);
+        let prim = |triangle: u32| scene.prim(scene.prim_of(self.surface, triangle));
+        if point.triangle != self.points.triangle() && prim(point.triangle).material != prim(self.points.triangle()).material {
+            point = self.points.centre();
+        }
+        let is_smooth = prim(point.triangle).smooth.is_some();
+        let frame = if is_smooth { self.points.frame(&point).unwrap_or(self.frame) } else { self.frame };
         scene.vertex_at(self.surface, &point, frame)
     }
 

@@ -29,7 +29,8 @@ fn blend(opacity: f32) -> Material {
 
 /// Half of its texels are holes.
 fn checker(scene: &mut Scene, cells: u32, mode: AlphaMode) -> Material {
-    let texels = (0..cells * cells).flat_map(|k| [255, 255, 255, if (k % cells + k / cells) % 2 == 0 { 255 } else { 0 }]).collect();
+    let texels =
+        (0..cells * cells).flat_map(|k| [255, 255, 255, if (k % cells + k / cells).is_multiple_of(2) { 255 } else { 0 }]).collect();
     let texture = Texture { name: "c".into(), width: cells, height: cells, coding: Coding::Srgb, has_alpha: true, texels };
     scene.textures.push(texture);
     let texture = Some(TextureRef { nearest: true, ..TextureRef::plain(scene.textures.len() as u32 - 1, 0) });

@@ -3,8 +3,12 @@
 //! There are up to three normals at a point. The triangle's own decides what is hit from the front. The interpolated one owns the hemisphere
 //! of the light field: light from below it counts only where the surface lets light through. The mapped one tilts reflection alone.
 
-use super::{BakeScene, Hit};
-use crate::{bsdf::Bsdf, sampling::warp};
+use super::{BakeScene, Hit, Prim};
+use crate::{
+    accel::{Ray, RayCount},
+    bsdf::Bsdf,
+    sampling::warp,
+};
 use glam::Vec3;
 use kiln_proto::{frame::Frame, texel::SurfacePoint};
 
@@ -90,10 +94,22 @@ impl BakeScene {
     fn vertex_of(&self, prim: u32, bary: [f32; 2], position: Vec3, frame: Frame) -> Vertex {
         let p = self.prim(prim);
         let (lift, inset) = (p.frame.normal * p.lift, p.inset(position));
-        let raised = self.smooth_normals(prim).map_or(inset, |normals| p.raised(inset, bary, normals));
+        let raised = self.smooth_normals(prim).map_or(inset, |normals| self.raised(p, inset, bary, normals));
         let normal = self.mapped_normal(prim, bary, frame.normal);
         let shading = if normal == frame.normal { frame } else { frame_of(normal) };
         Vertex { prim, lifted: raised + lift, sunk: inset - lift, frame, shading, bsdf: self.bsdf(prim, bary) }
+    }
+
+    /// A point moved onto the smooth surface, unless something stands between: then the ray would leave from beyond a wall. The ray that
+    /// finds out is as short as the step and not counted among those that carry light.
+    fn raised(&self, p: &Prim, at: Vec3, bary: [f32; 2], normals: &[Vec3; 3]) -> Vec3 {
+        let raised = p.raised(at, bary, normals);
+        let (from, step) = (at + p.frame.normal * p.lift, raised - at);
+        if step.length_squared() <= p.lift * p.lift {
+            return at;
+        }
+        let ray = Ray { origin: from, direction: step, tmax: 1.0 };
+        if self.accel.occluded(&ray, &mut RayCount::default()) { at } else { raised }
     }
 
     #[inline]

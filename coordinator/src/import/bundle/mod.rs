@@ -9,7 +9,7 @@ mod collect;
 mod path;
 
 pub use collect::collect;
-pub use path::BundlePath;
+pub use path::{BadPath, BundlePath, Paths};
 
 use super::format::{self, Format};
 use crate::records::Problem;
@@ -83,13 +83,11 @@ impl Bundle {
             };
         }
         let only = parts.len() == 1;
-        let mut files = BTreeMap::new();
+        let (mut files, mut paths) = (BTreeMap::new(), Paths::default());
         for part in parts {
             let name = if only && part.name.is_empty() { UNNAMED } else { &part.name };
-            let path = BundlePath::parse(name).map_err(|e| problem(&part.name, e.to_string()))?;
-            if files.contains_key(&path) {
-                return Err(problem(path.as_str(), "the upload has two files of this name"));
-            }
+            let path = paths.take(name).map_err(|e| problem(&part.name, e.to_string()))?;
+            refuse_archive(&path, &head(&part)?)?;
             files.insert(path, part.content);
         }
         Self::new(files, choice, None)
@@ -189,6 +187,14 @@ impl Bundle {
     }
 }
 
+/// Archives inside a bundle would have to be unpacked to be of use, and theirs in turn.
+fn refuse_archive(path: &BundlePath, head: &[u8]) -> Result<(), Problem> {
+    if format::detect(path.as_str(), head) == Format::Zip {
+        return Err(problem(path.as_str(), "this is a ZIP inside the bundle, which is not unpacked; send its files themselves"));
+    }
+    Ok(())
+}
+
 fn choose_main(files: &BTreeMap<BundlePath, Content>, choice: Option<&str>) -> Result<BundlePath, Problem> {
     if let Some(choice) = choice {
         let path = BundlePath::parse(choice).map_err(|e| problem(choice, e.to_string()))?;
@@ -211,7 +217,7 @@ fn no_scene(files: &BTreeMap<BundlePath, Content>) -> Problem {
     match other {
         Some((path, what)) => format::refusal(path.as_str(), what),
         None if files.is_empty() => plain("the bundle is empty".to_owned()),
-        None => plain("the bundle has no scene (.obj, .gltf or .glb)".to_owned()),
+        None => plain("the bundle has no scene (.obj, .gltf, .glb, .x3d, .x3dv, .x3dj, .wrl or one of these packed by gzip)".to_owned()),
     }
 }
 

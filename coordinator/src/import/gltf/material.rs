@@ -3,11 +3,11 @@
 //! Materials become canonical ones as primitives ask for them: what nothing shows never reaches the scene, nor do its images.
 
 use super::{
-    coat,
     json::Json,
     report::{ANY, POSITIVE, Report, SHARE},
     texture::Textures,
 };
+use crate::import::coat;
 use kiln_proto::{
     math,
     scene::{AlphaMode, Coding, LayerMode, Mapping, Material, MetallicRoughness, NormalMap, Opacity, Reflection, TextureLayer},

@@ -54,6 +54,7 @@ impl<'a> NodeRef<'a> {
     }
 
     /// Whether the file (or an event) gives the field a value.
+    #[cfg(test)]
     pub(crate) fn is_set(self, name: &str) -> bool {
         self.set(name).is_some()
     }

@@ -147,6 +147,11 @@ pub(crate) enum Value {
 }
 
 impl Value {
+    /// One node.
+    pub(crate) fn node(id: NodeId) -> Self {
+        Self::Nodes([id].into())
+    }
+
     /// The nodes of it; none of any other value.
     pub(crate) fn nodes(&self) -> &[NodeId] {
         if let Self::Nodes(ids) = self { ids } else { &[] }

@@ -8,7 +8,7 @@ use super::{ChunkTile, Grant, JobSpec, NewChunk, PlanRef, SceneRow, Store, Store
 use crate::{
     blob::BlobName,
     job::JobTask,
-    records::{SceneState, SceneStatistics, UnixMillis},
+    records::{LightCounts, SceneState, SceneStatistics, UnixMillis},
 };
 use kiln_proto::{
     ids::{Digest, JobId, SceneHash, Token, WorkerId},
@@ -60,6 +60,9 @@ fn statistics() -> SceneStatistics {
         emissive_triangles: 0,
         low: [0.0; 3],
         high: [1.0; 3],
+        lights: LightCounts { spot: 2, ..LightCounts::default() },
+        environment: Some([2, 1]),
+        ..SceneStatistics::default()
     }
 }
 
