@@ -61,7 +61,7 @@ test: test-tools lint page-test tests/browser/node_modules/.package-lock.json ##
 bench: tools ## Kernels and whole bakes; one JSON line per figure
 	cargo bench --workspace
 
-soak: tools ## What takes longer than a test should: all reference queries, a full-size bake, its encodings, benches
+soak: tools ## What takes longer than a test should: fuzzing, all reference queries, a full-size bake, its encodings, benches
 	tests/soak.sh
 
 install: tools ## Install an optimised kiln into ~/.cargo/bin

@@ -47,9 +47,10 @@ impl ImportArgs {
 
     /// Puts the environment into the bundle of a scene and returns the options of its import.
     pub fn pack(&self, bundle: &mut Bundle) -> Result<ImportOptions, CommandError> {
+        let main = Some(bundle.main().to_string());
         let add = |file: &PathBuf| bundle.add(file).map_err(|p| CommandError::work(p.to_string()));
         let options = ImportOptions {
-            main: Some(bundle.main().to_string()),
+            main,
             time: self.time,
             environment: self.environment.as_ref().map(add).transpose()?,
             environment_rotation: self.environment_rotation.unwrap_or_default(),

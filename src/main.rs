@@ -8,6 +8,7 @@ mod bake;
 mod bake_settings;
 mod children;
 mod config;
+mod convert;
 mod decode;
 mod encode;
 mod error;
@@ -66,6 +67,7 @@ enum Command {
     Decode(decode::Args),
     Eval(eval::EvalArgs),
     Render(render::Args),
+    Convert(convert::ConvertArgs),
     Config(config::ConfigArgs),
 }
 
@@ -95,6 +97,7 @@ fn run(cli: &Cli) -> Result<(), CommandError> {
         Command::Decode(args) => tool(decode::run(args, json, &mut std::io::stdout().lock())),
         Command::Render(args) => tool(render::run(args, json, &mut std::io::stdout().lock())),
         Command::Eval(args) => eval::run(args, json),
+        Command::Convert(args) => convert::run(args, json),
         Command::Config(args) => config::run(args, json),
         networked => {
             let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build();
@@ -119,8 +122,12 @@ async fn run_networked(command: &Command, json: bool) -> Result<(), CommandError
         Command::View(args) => view::run(args, json).await,
         Command::Cancel(args) => watch::cancel(args, json).await,
         Command::Jobs(args) => watch::jobs(args, json).await,
-        Command::Inspect(_) | Command::Encode(_) | Command::Decode(_) | Command::Render(_) | Command::Eval(_) | Command::Config(_) => {
-            Err(CommandError::usage("this command does not talk to a coordinator"))
-        }
+        Command::Inspect(_)
+        | Command::Encode(_)
+        | Command::Decode(_)
+        | Command::Render(_)
+        | Command::Eval(_)
+        | Command::Convert(_)
+        | Command::Config(_) => Err(CommandError::usage("this command does not talk to a coordinator")),
     }
 }

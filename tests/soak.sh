@@ -1,15 +1,17 @@
 #!/usr/bin/env bash
 # What takes longer than a test should (`make soak`): every reference query, a full-size bake with every claim measured again, the
-# encodings that the thesis tabulates, and the measurements of speed. Needs some 8 GiB in OUT; hours on two cores.
+# encodings that the thesis tabulates, the measurements of speed, and fuzzing. Needs some 8 GiB in OUT; hours on two cores.
 #   OUT=folder        where packages and figures go (default: kiln-soak in TMPDIR)
 #   SAMPLES=1024      samples of the full-size bake
 #   THREADS=0         threads of the bake; 0 is all cores
+#   FUZZ=600          seconds for each fuzz target (needs a nightly toolchain and cargo-fuzz); 0 leaves them out
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
 OUT=${OUT:-${TMPDIR:-/tmp}/kiln-soak}
 SAMPLES=${SAMPLES:-1024}
 THREADS=${THREADS:-0}
+FUZZ=${FUZZ:-600}
 ROOM=tests/scenes/thesis-room
 KILN=target/debug/kiln
 export KILN_SOAK=1
@@ -62,5 +64,17 @@ step "equal noise: the shared gather against a path per direction"
 cargo bench -p kiln-worker --bench equal_noise | tee "$OUT/equal_noise.jsonl"
 step "the cost of a full-size bake"
 cargo bench -p kiln-worker --bench capture | tee "$OUT/capture.jsonl"
+
+# What libFuzzer finds beside the seeds stays in OUT; a new crash is kept in fuzz/artifacts and belongs into fuzz/corpus once it is mended.
+# An image may declare 2 GiB of pixels, within the limits; anything above four is a leak.
+if [ "$FUZZ" != 0 ]; then
+    command -v cargo-fuzz > /dev/null || cargo install --locked cargo-fuzz
+    for target in fuzz/fuzz_targets/*.rs; do
+        name=$(basename "$target" .rs)
+        step "fuzzing $name for $FUZZ s"
+        mkdir -p "$OUT/corpus/$name"
+        cargo +nightly fuzz run "$name" "$OUT/corpus/$name" "fuzz/corpus/$name" -- -max_total_time="$FUZZ" -timeout=20 -rss_limit_mb=4096 -max_len=65536
+    done
+fi
 
 step "done: figures and packages are in $OUT"

@@ -9,6 +9,9 @@ pub mod assemble;
 pub mod blob;
 pub mod config;
 pub mod engine;
+pub mod export;
+#[doc(hidden)]
+pub mod fuzzing;
 pub mod http;
 pub mod import;
 pub mod job;

@@ -5,12 +5,15 @@
 mod bad_input;
 mod bake;
 mod browser;
+mod convert;
 mod determinism;
 mod faults;
 mod full_disk;
 mod golden;
 mod harness;
+mod made;
 mod page;
+mod page_cover;
 mod page_job;
 mod page_parity;
 mod reference;

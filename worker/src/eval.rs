@@ -5,7 +5,8 @@
 
 use crate::{
     capture::Points,
-    capture::hemisphere::{Budget, Scratch, Site, Views, capture},
+    capture::hemisphere::{Budget, Scratch, Views, capture},
+    capture::site::Site,
     sampling::TexelKey,
     scene::BakeScene,
 };

@@ -86,6 +86,27 @@ impl Images {
         image
     }
 
+    /// A linear texture made of the texels of another one, under a name that stands for exactly this.
+    pub(super) fn derive(
+        &mut self,
+        name: &str,
+        source: u32,
+        texel: impl Fn(&[u8]) -> [u8; 3],
+        at: At<'_>,
+        findings: &mut Findings,
+    ) -> Option<Image> {
+        let wanted = Wanted { coding: Coding::Linear, alpha: false };
+        if let Some(known) = self.known(name, wanted) {
+            return known;
+        }
+        let from = self.textures.get(source as usize)?;
+        let texels = from.texels.chunks_exact(from.channels()).flat_map(texel).collect();
+        let texture = Texture { name: name.to_owned(), coding: Coding::Linear, has_alpha: false, texels, ..*from };
+        let image = self.keep(Decoded { texture, transparent: false }, None, at, findings);
+        self.images.insert(key(name, wanted), image);
+        image
+    }
+
     /// Puts a texture into the list, or in the place of what it was without alpha.
     fn keep(&mut self, decoded: Decoded, place: Option<u32>, at: At<'_>, findings: &mut Findings) -> Option<Image> {
         let Decoded { texture, transparent } = decoded;

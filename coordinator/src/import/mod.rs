@@ -26,11 +26,16 @@ mod x3d;
 
 pub use bundle::{Bundle, BundlePath, Content, Part};
 pub use statistics::statistics;
+pub use x3d::{Rewritten, X3dEncoding, rewrite as rewrite_x3d};
 
 use crate::records::{Problem, SceneStatistics};
 use findings::{At, Findings};
 use format::Format;
-use kiln_proto::{limits, options::ImportOptions, scene::Scene};
+use kiln_proto::{
+    limits,
+    options::ImportOptions,
+    scene::{Coding, Scene},
+};
 
 /// The key of the warning that a scene has no light, which is said once.
 const NO_LIGHT: &str = "no light";
@@ -120,6 +125,13 @@ fn listed(names: &[String]) -> String {
     const SHOWN: usize = 8;
     let more = if names.len() > SHOWN { ", …" } else { "" };
     format!("{}{more}", names[..names.len().min(SHOWN)].join(", "))
+}
+
+/// Decodes an image as materials do, by its content and as TGA, which only a name tells: for fuzzing.
+pub(crate) fn fuzz_image(bytes: &[u8]) {
+    for (name, coding) in [("image", Coding::Srgb), ("image.tga", Coding::Linear)] {
+        drop(texture::decode(name, bytes, coding, true));
+    }
 }
 
 #[cfg(test)]

@@ -101,13 +101,23 @@ pub enum FrameError {
     Message(#[from] DecodeError),
 }
 
+/// Bytes that a payload of `packed` bytes may decompress to. Long messages are lists of ids and digests, which hardly compress; a short
+/// frame that promises 64 MiB is no message, and refused before they are allocated.
+fn most_plain(packed: usize) -> usize {
+    packed.saturating_mul(4).saturating_add(1 << 20).min(limits::FRAME_BYTES)
+}
+
 /// A message as the bytes of one frame.
 ///
 /// # Errors
-/// Messages above [`limits::FRAME_BYTES`].
+/// Messages above [`limits::FRAME_BYTES`], and those above 1 MiB that compress to less than a quarter.
 pub fn to_frame<M: Message>(message: &M) -> Result<Vec<u8>, FrameError> {
     let plain = encode(message, limits::FRAME_BYTES)?;
     let payload = zstd::bulk::compress(&plain, 1).map_err(FrameError::Decompress)?;
+    let max = most_plain(payload.len());
+    if plain.len() > max {
+        return Err(FrameError::TooLarge { found: plain.len(), max });
+    }
     let mut out = Vec::with_capacity(HEADER_BYTES + payload.len());
     out.extend_from_slice(&MAGIC);
     out.extend_from_slice(&PROTOCOL_VERSION.to_le_bytes());
@@ -139,11 +149,14 @@ pub fn from_frame<M: Message>(bytes: &[u8]) -> Result<M, FrameError> {
         return Err(FrameError::Kind { found: u16_at(6), expected: M::KIND });
     }
     let (packed, plain) = (u32_at(8) as usize, u32_at(12) as usize);
-    if packed.max(plain) > limits::FRAME_BYTES {
-        return Err(FrameError::TooLarge { found: packed.max(plain), max: limits::FRAME_BYTES });
+    if packed > limits::FRAME_BYTES {
+        return Err(FrameError::TooLarge { found: packed, max: limits::FRAME_BYTES });
     }
     if payload.len() != packed {
         return Err(FrameError::Length { found: bytes.len(), expected: HEADER_BYTES + packed });
+    }
+    if plain > most_plain(packed) {
+        return Err(FrameError::TooLarge { found: plain, max: most_plain(packed) });
     }
     let expected = crc32c::crc32c(payload);
     if u32_at(16) != expected {
@@ -158,7 +171,7 @@ pub fn from_frame<M: Message>(bytes: &[u8]) -> Result<M, FrameError> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::message::{Heartbeat, HeartbeatReply};
+    use super::super::message::{Finish, Heartbeat, HeartbeatReply};
     use super::*;
 
     fn frame() -> Vec<u8> {
@@ -186,6 +199,16 @@ mod tests {
             bad[bit / 8] ^= 1 << (bit % 8);
             assert!(from_frame::<Heartbeat>(&bad).is_err(), "bit {bit}");
         }
+    }
+
+    #[test]
+    fn a_short_frame_that_promises_much_is_refused_before_it_is_unpacked() {
+        let mut bomb = frame();
+        bomb[12..16].copy_from_slice(&(limits::FRAME_BYTES as u32).to_le_bytes());
+        assert!(matches!(from_frame::<Heartbeat>(&bomb), Err(FrameError::TooLarge { .. })));
+        let long = |bytes: usize| Finish { core_seconds: 1.0, rays: 2, peak_rss_bytes: 3, failure: Some("a".repeat(bytes)) };
+        assert!(matches!(to_frame(&long(3 << 20)), Err(FrameError::TooLarge { .. })));
+        assert_eq!(from_frame::<Finish>(&to_frame(&long(1 << 19)).unwrap()).unwrap(), long(1 << 19));
     }
 
     #[test]

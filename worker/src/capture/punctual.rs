@@ -2,11 +2,12 @@
 //! the footprint, and only their shadows have noise. Of more than [`ALL`] lights each sample asks one.
 
 use super::{
+    draw::Drawing,
     footprint::Points,
     gather::Sample,
-    hemisphere::{Budget, LIGHT_SHARE, Site, vertex},
+    hemisphere::{Budget, LIGHT_SHARE},
 };
-use crate::{path::Tracer, sampling::Dimension, scene::BakeScene};
+use crate::sampling::Dimension;
 use kiln_proto::units::Rgb;
 
 /// The most lights that are all asked.
@@ -14,8 +15,10 @@ const ALL: usize = 64;
 /// The fewest points of a footprint from which lights are asked: so finely are the edges of shadows resolved where there are many lights.
 const POINTS: u32 = 16;
 
-/// Adds the light samples of a site and returns what their ambient terms reflect toward every direction, W/(sr m²).
-pub(super) fn shine(scene: &BakeScene, tracer: &mut Tracer<'_>, site: &Site<'_>, budget: Budget, samples: &mut Vec<Sample>) -> Rgb {
+/// Adds the light samples of a site, sorted by the side that they shine on, and returns what their ambient terms reflect toward every
+/// direction, W/(sr m²).
+pub(super) fn shine(drawing: &mut Drawing<'_, '_>, budget: Budget, front: &mut Vec<Sample>, behind: &mut Vec<Sample>) -> Rgb {
+    let (scene, site) = (drawing.scene, drawing.site);
     let lights = scene.lights().punctual().len();
     let (all, shared) = (lights <= ALL, (budget.samples / LIGHT_SHARE).max(1));
     let points = match site.points {
@@ -26,19 +29,23 @@ pub(super) fn shine(scene: &BakeScene, tracer: &mut Tracer<'_>, site: &Site<'_>,
     };
     let mut ambient = Rgb::BLACK;
     for index in 0..points {
-        let vertex = vertex(scene, site, index, Dimension::punctual_footprint);
+        let vertex = site.vertex(scene, index, Dimension::punctual_footprint);
         for light in 0..if all { lights } else { 1 } {
             let (shine, factor) = if all {
-                (tracer.shine(&vertex, light), 1.0)
+                (drawing.tracer.shine(&vertex, light), 1.0)
             } else {
-                tracer.shine_one(&vertex, site.key.pair(Dimension::PUNCTUAL, index)).map_or((None, 0.0), |(s, f)| (Some(s), f))
+                let u = site.key.pair(Dimension::PUNCTUAL, index);
+                drawing.tracer.shine_one(&vertex, u).map_or((None, 0.0), |(s, f)| (Some(s), f))
             };
             let Some(shine) = shine else { continue };
             let share = factor / points as f32;
             ambient += shine.ambient * share;
-            let wi = site.frame.to_local(shine.direction);
-            if wi.z > 0.0 && !shine.light.is_black() {
-                samples.push(Sample { direct: shine.light * share, ..Sample::dark(wi, vertex.bsdf.diffuse) });
+            if shine.light.is_black() {
+                continue;
+            }
+            if let Some(sample) = Sample::arriving(&vertex, vertex.frame.to_local(shine.direction), drawing.mean.normal) {
+                let to = if sample.wi.z > 0.0 { &mut *front } else { &mut *behind };
+                to.push(Sample { direct: shine.light * share, ..sample });
             }
         }
     }

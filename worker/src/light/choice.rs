@@ -89,7 +89,7 @@ mod tests {
         // Few lights: exact. Many: also those that were thought to have no power, and those that contribute nothing.
         assert!((estimate(&[1.0, 9.0], &|k| [3.0, 1.0][k]) - 4.0).abs() < 1e-4);
         let powers: Vec<f64> = (0..100).map(|k| f64::from(k % 7)).collect();
-        let contribution = |k: usize| if k % 3 == 0 { 0.0 } else { 1.0 + (k % 10) as f32 };
+        let contribution = |k: usize| if k.is_multiple_of(3) { 0.0 } else { 1.0 + (k % 10) as f32 };
         let expected: f64 = (0..100).map(|k| f64::from(contribution(k))).sum();
         let found = estimate(&powers, &contribution);
         assert!((found / expected - 1.0).abs() < 2e-3, "{found} {expected}");

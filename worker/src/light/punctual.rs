@@ -2,11 +2,10 @@
 //!
 //! Everything that a light's own fields say is here: cone, falloff, the texture that colours it. Who is in its shadow is [`super::shadow`]'s.
 
-use crate::bsdf::texture;
 use glam::Vec3;
 use kiln_proto::{
     math,
-    scene::{Falloff, Light, LightShape, Mapping, Projector, Scene, SpotProfile, TextureRef},
+    scene::{Falloff, Light, LightShape, Mapping, Place, Scene, SpotProfile, TextureRef},
     units::Rgb,
 };
 use std::f32::consts::PI;
@@ -158,18 +157,8 @@ fn reach_squared(falloff: Falloff, radius: f64) -> f64 {
 /// The colour that a light's texture gives it at a position: white where its projector does not reach, as projected textures of surfaces leave
 /// their colour.
 fn projected(scene: &Scene, texture: &TextureRef, position: Vec3) -> Rgb {
-    let Mapping::Projected { projector } = texture.mapping else { return Rgb::WHITE };
-    let Some([s, t]) = scene.projectors.get(projector as usize).and_then(|p| through(p, position)) else { return Rgb::WHITE };
-    let m = texture.transform;
-    let uv = [m[0][0] * s + m[0][1] * t + m[0][2], m[1][0] * s + m[1][1] * t + m[1][2]];
-    texture::lookup(&scene.textures[texture.texture as usize], uv)
-}
-
-/// Where a projector's picture falls on a position: (s, t) in the unit square, or `None` outside its frustum.
-#[must_use]
-pub fn through(projector: &Projector, position: Vec3) -> Option<[f32; 2]> {
-    let row = |r: &[f32; 4]| r[0] * position.x + r[1] * position.y + r[2] * position.z + r[3];
-    let q = row(&projector.matrix[3]);
-    let (s, t) = (row(&projector.matrix[0]) / q, row(&projector.matrix[1]) / q);
-    (q > 0.0 && (0.0..=1.0).contains(&s) && (0.0..=1.0).contains(&t)).then_some([s, t])
+    let Mapping::Projected { .. } = texture.mapping else { return Rgb::WHITE };
+    // Only the position matters to a projector.
+    let place = Place { surface: u32::MAX, triangle: 0, bary: [0.0; 2], position: position.to_array() };
+    scene.texture_at(texture, &place).map_or(Rgb::WHITE, |[r, g, b, _]| Rgb::new(r, g, b))
 }

@@ -8,10 +8,10 @@ use crate::{
         to_solid_angle,
     },
     sampling::mis,
-    scene::{Vertex, phong},
+    scene::{Blockers, Vertex},
 };
 use glam::Vec3;
-use kiln_proto::units::Rgb;
+use kiln_proto::{scene::Reflection, units::Rgb};
 
 /// A light sample as a vertex sees it, unshadowed: a point on an emissive triangle or a direction of the environment.
 #[derive(Debug, Clone, Copy)]
@@ -51,7 +51,9 @@ impl Tracer<'_> {
                 let pdf = to_solid_angle(pdf_area, distance_squared, cos);
                 // A light that touches the point has no direction, and its density overflows or vanishes.
                 let usable = cos > 0.0 && pdf > 0.0 && pdf.is_finite();
-                usable.then(|| Connection { direction, target, pdf, emitted: self.scene.emission(prim, bary) })
+                // A point that is there in part shines in part; paths meet it as often.
+                let emitted = || self.scene.emission(prim, bary) * self.scene.coverage(prim, bary);
+                usable.then(|| Connection { direction, target, pdf, emitted: emitted() })
             }
             LightPoint::Sky(sky) => {
                 let target = from + sky.direction * self.scene.reach();
@@ -60,28 +62,29 @@ impl Tracer<'_> {
         }
     }
 
-    /// Whether a connection is not blocked.
+    /// What share of a connection's light reaches a vertex.
     #[inline]
-    pub fn reaches(&mut self, from: Vec3, connection: &Connection) -> bool {
-        self.scene.visible(from, connection.target, &mut self.rays)
+    pub fn reaches(&mut self, from: &Vertex, connection: &Connection) -> Rgb {
+        self.scene.visible(from.origin(connection.direction), connection.target, Blockers::Everything, &mut self.rays)
     }
 
     /// Emissive triangles and the environment, by one sample of either.
     pub(super) fn next_event(&mut self, vertex: &Vertex, wo: Vec3, u: [f32; 2]) -> Rgb {
         let Some(light) = self.connect(vertex.lifted, u) else { return Rgb::BLACK };
-        let wi = vertex.frame.to_local(light.direction);
-        if wi.z <= 0.0 || light.emitted.is_black() || !self.reaches(vertex.lifted, &light) {
+        let Some(wi) = vertex.arriving(light.direction) else { return Rgb::BLACK };
+        let value = vertex.bsdf.eval(wi, wo);
+        if value.is_black() || light.emitted.is_black() {
             return Rgb::BLACK;
         }
+        let reaches = self.reaches(vertex, &light);
         let weight = mis::balance(light.pdf, vertex.bsdf.pdf(wi, wo));
-        vertex.bsdf.eval(wi, wo) * light.emitted * (wi.z * weight / light.pdf)
+        value * light.emitted * reaches * (wi.z.abs() * weight / light.pdf)
     }
 
     /// Lights without area, by one of them.
     pub(super) fn punctual(&mut self, vertex: &Vertex, wo: Vec3, u: [f32; 2]) -> Rgb {
         let Some((shine, factor)) = self.shine_one(vertex, u) else { return Rgb::BLACK };
-        let wi = vertex.frame.to_local(shine.direction);
-        let reflected = if wi.z > 0.0 { vertex.bsdf.eval(wi, wo) * shine.light * wi.z } else { Rgb::BLACK };
+        let reflected = vertex.arriving(shine.direction).map_or(Rgb::BLACK, |wi| vertex.bsdf.eval(wi, wo) * shine.light * wi.z.abs());
         (reflected + shine.ambient) * factor
     }
 
@@ -94,7 +97,7 @@ impl Tracer<'_> {
         }
         let contribution = |light: usize| {
             self.unshadowed(vertex, light).map_or(0.0, |(_, s)| {
-                let cos = vertex.frame.normal.dot(s.direction).max(0.0);
+                let cos = vertex.shading.normal.dot(s.direction).abs();
                 s.light.mean() * cos + s.ambient.mean()
             })
         };
@@ -108,12 +111,16 @@ impl Tracer<'_> {
         let (target, shine) = self.unshadowed(vertex, light)?;
         let part = self.scene.part(self.scene.prim(vertex.prim));
         let canonical = self.scene.scene();
-        let left = match shadow::shadow(canonical.rules, &canonical.lights[light], light as u32, part, vertex.lifted) {
-            Shadow::Known(left) => left,
-            Shadow::Trace { left } if !self.scene.unshadowed(vertex.lifted, target, &mut self.rays) => left,
-            Shadow::Trace { .. } => 1.0,
+        let from = vertex.origin(shine.direction);
+        let left = match shadow::shadow(canonical.rules, &canonical.lights[light], light as u32, part, from) {
+            Shadow::Known(left) => Rgb::splat(left),
+            Shadow::Trace { left } => {
+                let seen = self.scene.visible(from, target, Blockers::Casters, &mut self.rays);
+                // Where it is blocked, `left` remains.
+                seen + (Rgb::WHITE + seen * -1.0) * left
+            }
         };
-        (left > 0.0).then(|| Shine { direction: shine.direction, light: shine.light * left, ambient: shine.ambient * left })
+        (!left.is_black()).then(|| Shine { direction: shine.direction, light: shine.light * left, ambient: shine.ambient * left })
     }
 
     /// The end of a light's shadow ray, and what it sends there if nothing is in between. A light from behind has only its ambient term.
@@ -123,9 +130,9 @@ impl Tracer<'_> {
             return None;
         }
         let arrival = self.scene.lights().punctual()[light].at(self.scene.scene(), vertex.lifted)?;
-        let share = phong(&self.scene.scene().materials[prim.material as usize]).map_or(0.0, |p| p.ambient);
+        let share = if let Reflection::Phong(p) = &self.scene.material_of(vertex.prim).reflection { p.ambient } else { 0.0 };
         let ambient = vertex.bsdf.diffuse * arrival.ambient * share;
-        let faces = vertex.frame.normal.dot(arrival.direction) > 0.0;
+        let faces = vertex.frame.normal.dot(arrival.direction) > 0.0 || vertex.bsdf.is_translucent();
         let light = if faces { arrival.light } else { Rgb::BLACK };
         let shines = !(light.is_black() && ambient.is_black());
         shines.then_some((arrival.target, Shine { direction: arrival.direction, light, ambient }))

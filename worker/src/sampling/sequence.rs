@@ -68,6 +68,13 @@ impl TexelKey {
         Self(mix(mix(mix(seed) ^ u64::from(surface)) ^ texel))
     }
 
+    /// A 64-bit name of the ray that leaves the vertex at `depth` of the `index`-th path.
+    #[must_use]
+    #[inline]
+    pub fn salt(self, index: u32, depth: u32) -> u64 {
+        mix(self.0 ^ (u64::from(depth) << 32 | u64::from(index)))
+    }
+
     /// The `index`-th point of the sequence of a dimension, in [0, 1)².
     #[must_use]
     #[inline]

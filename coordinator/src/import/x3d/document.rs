@@ -84,6 +84,8 @@ pub(crate) struct Route {
 /// A scene as its files say it, units converted to metres and radians, prototypes expanded, files inlined.
 #[derive(Debug, Default)]
 pub(crate) struct Document {
+    /// That of the main file, times ten: 20 for VRML97, 33 for X3D 3.3; 0 where it says none.
+    pub(super) version: u32,
     pub(super) nodes: Vec<Node>,
     pub(super) roots: Vec<NodeId>,
     pub(super) routes: Vec<Route>,
@@ -103,6 +105,7 @@ impl Document {
     }
 
     /// Every node that was read, reachable or not, in the order of the files.
+    #[cfg(test)]
     pub(crate) fn nodes(&self) -> impl Iterator<Item = NodeRef<'_>> {
         (0..self.nodes.len()).map(|i| self.node(NodeId(i as u32)))
     }

@@ -16,21 +16,26 @@ mod geometry;
 mod json;
 mod limits;
 mod literal;
+mod lower;
 mod node;
 mod references;
 mod resolve;
+mod rewrite;
 mod scene;
 mod syntax;
 mod table;
 mod value;
+mod write;
 mod xml;
 
 use super::{Bundle, BundlePath, findings::Findings};
 use kiln_proto::{options::ImportOptions, scene::Scene};
 
-pub(super) use document::{Document, Inlined, NodeId, Place};
+pub(super) use document::{Document, Inlined, NodeId};
 pub(super) use node::NodeRef;
 pub(super) use references::{Reference, references};
+pub use rewrite::{Rewritten, rewrite};
+pub use write::X3dEncoding;
 
 /// Reads an X3D or VRML97 file of a bundle with all that it refers to, at `time` (seconds since the scene was loaded; `None`: at rest, before
 /// any event). Unknown and unsupported things are warnings; `None`, with errors, where the file cannot be read.

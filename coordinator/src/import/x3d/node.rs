@@ -54,6 +54,7 @@ impl<'a> NodeRef<'a> {
     }
 
     /// Whether the file (or an event) gives the field a value.
+    #[cfg(test)]
     pub(crate) fn is_set(self, name: &str) -> bool {
         self.set(name).is_some()
     }
@@ -125,11 +126,6 @@ impl<'a> NodeRef<'a> {
 
     /// An `SFVec4f`, `SFVec4d`, `SFColorRGBA` or `SFRotation` (axis, not normalised, and radians).
     pub(crate) fn vec4(self, name: &str) -> [f32; 4] {
-        self.tuple(name)
-    }
-
-    /// An `SFMatrix3f` or `SFMatrix3d`, as written: the rows of the file, the last of which translates.
-    pub(crate) fn matrix3(self, name: &str) -> [f32; 9] {
         self.tuple(name)
     }
 

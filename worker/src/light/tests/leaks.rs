@@ -69,7 +69,8 @@ fn turned(mut scene: Scene, angle: f32, scale: f32) -> Scene {
 
 #[test]
 fn inside_is_exactly_black_whatever_the_walls_and_the_angle() {
-    let walls: [(&str, fn() -> Scene); 4] = [("thin", thin), ("thick", thick), ("two-sided", two_sided), ("pieces", pieces)];
+    type Build = fn() -> Scene;
+    let walls: [(&str, Build); 4] = [("thin", thin), ("thick", thick), ("two-sided", two_sided), ("pieces", pieces)];
     for (name, build) in walls {
         for (angle, scale) in [(0.0, 1.0), (0.37, 1.0), (1.234, 1e-3), (2.71, 1e3)] {
             let mut scene = turned(build(), angle, scale);

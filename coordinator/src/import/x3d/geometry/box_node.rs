@@ -9,11 +9,11 @@ use glam::{DVec2, DVec3};
 
 /// The fields of a Box; the name `Box` belongs to Rust.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct BoxNode {
+pub(crate) struct BoxNode {
     /// Sides along X, Y, Z.
-    pub size: [f32; 3],
+    pub(crate) size: [f32; 3],
     /// Only the outside is seen.
-    pub solid: bool,
+    pub(crate) solid: bool,
 }
 
 impl Default for BoxNode {
@@ -38,7 +38,7 @@ impl BoxNode {
     /// # Errors
     /// Sides that are negative or no numbers, and a box with no side of any area. Of a box with one side of zero, which the
     /// specification forbids and browsers draw, the two faces that have an area are kept.
-    pub fn build(&self) -> Result<Geometry, GeometryError> {
+    pub(crate) fn build(&self) -> Result<Geometry, GeometryError> {
         let mut half = DVec3::ZERO;
         for axis in 0..3 {
             half[axis] = at_least_zero("size", self.size[axis])? / 2.0;

@@ -13,23 +13,23 @@ use glam::Vec3;
 
 /// The fields of X3DComposedGeometryNode, with the property nodes' lists in place of the nodes.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Composed {
+pub(crate) struct Composed {
     /// Coordinate or CoordinateDouble: `point`.
-    pub coord: Vec<[f32; 3]>,
+    pub(crate) coord: Vec<[f32; 3]>,
     /// Normal: `vector`. Empty: no node.
-    pub normal: Vec<[f32; 3]>,
+    pub(crate) normal: Vec<[f32; 3]>,
     /// Color (alpha 1) or ColorRGBA: `color`. Empty: no node.
-    pub color: Vec<[f32; 4]>,
+    pub(crate) color: Vec<[f32; 4]>,
     /// TextureCoordinate, or those of a MultiTextureCoordinate: `point`. Empty: no node.
-    pub tex_coord: Vec<Vec<[f32; 2]>>,
+    pub(crate) tex_coord: Vec<Vec<[f32; 2]>>,
     /// Whether corners run counter-clockwise seen from the front.
-    pub ccw: bool,
+    pub(crate) ccw: bool,
     /// Colours belong to vertices, not to faces.
-    pub color_per_vertex: bool,
+    pub(crate) color_per_vertex: bool,
     /// Normals belong to vertices, not to faces.
-    pub normal_per_vertex: bool,
+    pub(crate) normal_per_vertex: bool,
     /// Only the front is seen.
-    pub solid: bool,
+    pub(crate) solid: bool,
 }
 
 impl Default for Composed {

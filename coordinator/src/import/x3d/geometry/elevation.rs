@@ -10,33 +10,33 @@ use kiln_proto::limits;
 
 /// The fields of an ElevationGrid.
 #[derive(Debug, Clone, PartialEq)]
-pub struct ElevationGrid {
+pub(crate) struct ElevationGrid {
     /// Normal: `vector`. Empty: no node.
-    pub normal: Vec<[f32; 3]>,
+    pub(crate) normal: Vec<[f32; 3]>,
     /// Color (alpha 1) or ColorRGBA: `color`. Empty: no node.
-    pub color: Vec<[f32; 4]>,
+    pub(crate) color: Vec<[f32; 4]>,
     /// TextureCoordinate, or those of a MultiTextureCoordinate: `point`. Empty: no node.
-    pub tex_coord: Vec<Vec<[f32; 2]>>,
+    pub(crate) tex_coord: Vec<Vec<[f32; 2]>>,
     /// Whether the front looks toward +Y.
-    pub ccw: bool,
+    pub(crate) ccw: bool,
     /// Colours belong to vertices, not to quads.
-    pub color_per_vertex: bool,
+    pub(crate) color_per_vertex: bool,
     /// Normals belong to vertices, not to quads.
-    pub normal_per_vertex: bool,
+    pub(crate) normal_per_vertex: bool,
     /// Only the front is seen.
-    pub solid: bool,
+    pub(crate) solid: bool,
     /// Radians: edges between quads that differ by less are smooth, where normals are generated.
-    pub crease_angle: f32,
+    pub(crate) crease_angle: f32,
     /// Heights, x fastest.
-    pub height: Vec<f32>,
+    pub(crate) height: Vec<f32>,
     /// Points along X.
-    pub x_dimension: i32,
+    pub(crate) x_dimension: i32,
     /// Distance between them.
-    pub x_spacing: f32,
+    pub(crate) x_spacing: f32,
     /// Points along Z.
-    pub z_dimension: i32,
+    pub(crate) z_dimension: i32,
     /// Distance between them.
-    pub z_spacing: f32,
+    pub(crate) z_spacing: f32,
 }
 
 impl Default for ElevationGrid {
@@ -65,7 +65,7 @@ impl ElevationGrid {
     /// # Errors
     /// Dimensions below 2 (nothing to see), spacings that are not positive, too few heights for two rows, more cells than a scene may have.
     /// Missing last rows are left out: a grid is never larger than its list of heights, whatever it says of itself.
-    pub fn build(&self) -> Result<Geometry, GeometryError> {
+    pub(crate) fn build(&self) -> Result<Geometry, GeometryError> {
         let spacing = [positive("xSpacing", self.x_spacing)?, positive("zSpacing", self.z_spacing)?];
         let mut repairs = Repairs::default();
         let (columns, rows) = self.dimensions(&mut repairs)?;

@@ -6,7 +6,7 @@ use std::fmt;
 
 /// Why a geometry node gives no mesh. The words follow those of a node's name, as in "IndexedFaceSet: coord has no points".
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum GeometryError {
+pub(crate) enum GeometryError {
     /// Legal, and nothing to see: the shape is left out.
     #[error("it describes no surface: {why}")]
     Empty {
@@ -63,15 +63,15 @@ pub enum GeometryError {
 
 /// A repair with its first place and how often it was needed.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Repair {
+pub(crate) struct Repair {
     /// What was found and done about it.
-    pub what: &'static str,
+    pub(crate) what: &'static str,
     /// The field that the place counts in.
-    pub field: &'static str,
+    pub(crate) field: &'static str,
     /// Position in the field's list of the first.
-    pub first: usize,
+    pub(crate) first: usize,
     /// How many.
-    pub count: u64,
+    pub(crate) count: u64,
 }
 
 impl fmt::Display for Repair {
@@ -83,7 +83,7 @@ impl fmt::Display for Repair {
 
 /// The repairs of one node, in the order of their first need.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub struct Repairs(pub Vec<Repair>);
+pub(crate) struct Repairs(pub(crate) Vec<Repair>);
 
 impl Repairs {
     /// Counts a repair.

@@ -16,25 +16,25 @@ use kiln_proto::limits;
 
 /// The fields of an Extrusion.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Extrusion {
+pub(crate) struct Extrusion {
     /// Whether the first end is covered.
-    pub begin_cap: bool,
+    pub(crate) begin_cap: bool,
     /// Whether the last end is covered.
-    pub end_cap: bool,
+    pub(crate) end_cap: bool,
     /// Whether a cross-section that runs counter-clockwise seen against the spine has its front outside.
-    pub ccw: bool,
+    pub(crate) ccw: bool,
     /// Radians: edges between sides that differ by less are smooth.
-    pub crease_angle: f32,
+    pub(crate) crease_angle: f32,
     /// Points of the cross-section: x and z.
-    pub cross_section: Vec<[f32; 2]>,
+    pub(crate) cross_section: Vec<[f32; 2]>,
     /// Axis and angle (radians) by which each cross-section is turned in its plane; one for all, or one for each point of the spine.
-    pub orientation: Vec<[f32; 4]>,
+    pub(crate) orientation: Vec<[f32; 4]>,
     /// Factors of x and z; one for all, or one for each point of the spine.
-    pub scale: Vec<[f32; 2]>,
+    pub(crate) scale: Vec<[f32; 2]>,
     /// Only the front is seen.
-    pub solid: bool,
+    pub(crate) solid: bool,
     /// Points of the spine.
-    pub spine: Vec<[f32; 3]>,
+    pub(crate) spine: Vec<[f32; 3]>,
 }
 
 impl Default for Extrusion {
@@ -59,7 +59,7 @@ impl Extrusion {
     ///
     /// # Errors
     /// Fewer than two points of spine or cross-section (nothing to see), coordinates that are not numbers, more quads than [`limits::SWEPT_QUADS`].
-    pub fn build(&self) -> Result<Geometry, GeometryError> {
+    pub(crate) fn build(&self) -> Result<Geometry, GeometryError> {
         let (rows, columns) = (self.spine.len(), self.cross_section.len());
         if rows < 2 || columns < 2 {
             return Err(GeometryError::Empty { why: "spine or crossSection has fewer than two points" });

@@ -12,19 +12,19 @@ use super::{
 
 /// The fields of an IndexedFaceSet.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct IndexedFaceSet {
+pub(crate) struct IndexedFaceSet {
     /// The fields that all composed geometry has.
-    pub composed: Composed,
+    pub(crate) composed: Composed,
     /// Corners of each face, closed by -1.
-    pub coord_index: Vec<i32>,
+    pub(crate) coord_index: Vec<i32>,
     /// Colours of corners or faces. Empty: as the coordinates, or one a face in order.
-    pub color_index: Vec<i32>,
+    pub(crate) color_index: Vec<i32>,
     /// Normals of corners or faces. Empty: as the coordinates, or one a face in order.
-    pub normal_index: Vec<i32>,
+    pub(crate) normal_index: Vec<i32>,
     /// Texture coordinates of corners. Empty: as the coordinates.
-    pub tex_coord_index: Vec<i32>,
+    pub(crate) tex_coord_index: Vec<i32>,
     /// Radians: edges between faces that differ by less are smooth, where normals are generated.
-    pub crease_angle: f32,
+    pub(crate) crease_angle: f32,
 }
 
 impl IndexedFaceSet {
@@ -32,7 +32,7 @@ impl IndexedFaceSet {
     ///
     /// # Errors
     /// No points, no faces, or none that can be used.
-    pub fn build(&self) -> Result<Geometry, GeometryError> {
+    pub(crate) fn build(&self) -> Result<Geometry, GeometryError> {
         has_points(&self.composed)?;
         let mut repairs = Repairs::default();
         let faces = self.faces(&mut repairs)?;

@@ -14,46 +14,46 @@ use kiln_proto::math::sin_cos_degrees;
 
 /// The fields of a Rectangle2D.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Rectangle2D {
+pub(crate) struct Rectangle2D {
     /// Sides along X and Y.
-    pub size: [f32; 2],
+    pub(crate) size: [f32; 2],
     /// Only the front is seen.
-    pub solid: bool,
+    pub(crate) solid: bool,
 }
 
 /// The fields of a Disk2D.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Disk2D {
+pub(crate) struct Disk2D {
     /// Radius of the hole; 0 for none.
-    pub inner_radius: f32,
+    pub(crate) inner_radius: f32,
     /// Radius of the disc.
-    pub outer_radius: f32,
+    pub(crate) outer_radius: f32,
     /// Only the front is seen.
-    pub solid: bool,
+    pub(crate) solid: bool,
 }
 
 /// The fields of an ArcClose2D.
 #[derive(Debug, Clone, PartialEq)]
-pub struct ArcClose2D {
+pub(crate) struct ArcClose2D {
     /// `PIE` (closed through the centre) or `CHORD` (closed by a line).
-    pub closure_type: String,
+    pub(crate) closure_type: String,
     /// Where the arc begins, radians from +X toward +Y.
-    pub start_angle: f32,
+    pub(crate) start_angle: f32,
     /// Where it ends, going counter-clockwise.
-    pub end_angle: f32,
+    pub(crate) end_angle: f32,
     /// Radius of the circle.
-    pub radius: f32,
+    pub(crate) radius: f32,
     /// Only the front is seen.
-    pub solid: bool,
+    pub(crate) solid: bool,
 }
 
 /// The fields of a TriangleSet2D.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct TriangleSet2D {
+pub(crate) struct TriangleSet2D {
     /// Three for each triangle.
-    pub vertices: Vec<[f32; 2]>,
+    pub(crate) vertices: Vec<[f32; 2]>,
     /// Only the front is seen.
-    pub solid: bool,
+    pub(crate) solid: bool,
 }
 
 impl Default for Rectangle2D {
@@ -87,7 +87,7 @@ impl Rectangle2D {
     ///
     /// # Errors
     /// Sides that are not positive numbers.
-    pub fn build(&self) -> Result<Geometry, GeometryError> {
+    pub(crate) fn build(&self) -> Result<Geometry, GeometryError> {
         let half = DVec2::new(positive("size", self.size[0])?, positive("size", self.size[1])?) / 2.0;
         let corner = |u: f64, v: f64| Point {
             place: (half * DVec2::new(2.0 * u - 1.0, 2.0 * v - 1.0)).extend(0.0),
@@ -106,7 +106,7 @@ impl Disk2D {
     ///
     /// # Errors
     /// An outer radius that is not positive, an inner one outside it, and equal radii, which are a line.
-    pub fn build(&self) -> Result<Geometry, GeometryError> {
+    pub(crate) fn build(&self) -> Result<Geometry, GeometryError> {
         let outer = positive("outerRadius", self.outer_radius)?;
         let inner = at_least_zero("innerRadius", self.inner_radius)?;
         if inner > outer {
@@ -132,7 +132,7 @@ impl ArcClose2D {
     ///
     /// # Errors
     /// A radius that is not positive, and angles that are not numbers.
-    pub fn build(&self) -> Result<Geometry, GeometryError> {
+    pub(crate) fn build(&self) -> Result<Geometry, GeometryError> {
         let radius = positive("radius", self.radius)?;
         finite("startAngle", &[[self.start_angle]])?;
         finite("endAngle", &[[self.end_angle]])?;
@@ -167,7 +167,7 @@ impl TriangleSet2D {
     ///
     /// # Errors
     /// No triangle, and coordinates that are not numbers.
-    pub fn build(&self) -> Result<Geometry, GeometryError> {
+    pub(crate) fn build(&self) -> Result<Geometry, GeometryError> {
         finite("vertices", &self.vertices)?;
         let coord: Vec<[f32; 3]> = self.vertices.iter().map(|v| [v[0], v[1], 0.0]).collect();
         let mut repairs = Repairs::default();

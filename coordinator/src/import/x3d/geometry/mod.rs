@@ -18,15 +18,15 @@ mod patch;
 mod round;
 mod sets;
 
-pub use box_node::BoxNode;
-pub use composed::Composed;
-pub use elevation::ElevationGrid;
-pub use error::{GeometryError, Repair, Repairs};
-pub use extrusion::Extrusion;
-pub use face_set::IndexedFaceSet;
-pub use flat::{ArcClose2D, Disk2D, Rectangle2D, TriangleSet2D};
-pub use round::{Cone, Cylinder, Sphere};
-pub use sets::{
+pub(crate) use box_node::BoxNode;
+pub(crate) use composed::Composed;
+pub(crate) use elevation::ElevationGrid;
+pub(crate) use error::{GeometryError, Repairs};
+pub(crate) use extrusion::Extrusion;
+pub(crate) use face_set::IndexedFaceSet;
+pub(crate) use flat::{ArcClose2D, Disk2D, Rectangle2D, TriangleSet2D};
+pub(crate) use round::{Cone, Cylinder, Sphere};
+pub(crate) use sets::{
     IndexedQuadSet, IndexedTriangleFanSet, IndexedTriangleSet, IndexedTriangleStripSet, QuadSet, TriangleFanSet, TriangleSet,
     TriangleStripSet,
 };
@@ -35,13 +35,13 @@ use crate::import::mesh::Mesh;
 
 /// What a geometry node is made into.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Geometry {
+pub(crate) struct Geometry {
     /// Polygons with normals and at least one set of texture coordinates; the front is outside.
-    pub mesh: Mesh,
+    pub(crate) mesh: Mesh,
     /// `solid FALSE`: the backs are seen as well.
-    pub two_sided: bool,
+    pub(crate) two_sided: bool,
     /// What had to be repaired.
-    pub repairs: Repairs,
+    pub(crate) repairs: Repairs,
 }
 
 #[cfg(test)]

@@ -21,43 +21,43 @@ const SPHERE_BANDS: u32 = 24;
 
 /// The fields of a Sphere.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Sphere {
+pub(crate) struct Sphere {
     /// Its radius.
-    pub radius: f32,
+    pub(crate) radius: f32,
     /// Only the outside is seen.
-    pub solid: bool,
+    pub(crate) solid: bool,
 }
 
 /// The fields of a Cylinder.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Cylinder {
+pub(crate) struct Cylinder {
     /// Its radius.
-    pub radius: f32,
+    pub(crate) radius: f32,
     /// Its height along Y.
-    pub height: f32,
+    pub(crate) height: f32,
     /// Whether it has a mantle.
-    pub side: bool,
+    pub(crate) side: bool,
     /// Whether it has a lid.
-    pub top: bool,
+    pub(crate) top: bool,
     /// Whether it has a floor.
-    pub bottom: bool,
+    pub(crate) bottom: bool,
     /// Only the outside is seen.
-    pub solid: bool,
+    pub(crate) solid: bool,
 }
 
 /// The fields of a Cone.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Cone {
+pub(crate) struct Cone {
     /// Radius of its floor.
-    pub bottom_radius: f32,
+    pub(crate) bottom_radius: f32,
     /// Its height along Y.
-    pub height: f32,
+    pub(crate) height: f32,
     /// Whether it has a mantle.
-    pub side: bool,
+    pub(crate) side: bool,
     /// Whether it has a floor.
-    pub bottom: bool,
+    pub(crate) bottom: bool,
     /// Only the outside is seen.
-    pub solid: bool,
+    pub(crate) solid: bool,
 }
 
 impl Default for Sphere {
@@ -95,7 +95,7 @@ impl Sphere {
     ///
     /// # Errors
     /// A radius that is not a positive number.
-    pub fn build(&self) -> Result<Geometry, GeometryError> {
+    pub(crate) fn build(&self) -> Result<Geometry, GeometryError> {
         let radius = positive("radius", self.radius)?;
         let point = |s: f64, along: f64, t: f64| {
             let (sin, cos) = sin_cos_degrees(180.0 * t - 90.0);
@@ -126,7 +126,7 @@ impl Cylinder {
     /// # Errors
     /// A radius that is not positive, a negative height, and no part to see. A height of 0, which the specification forbids and browsers
     /// draw, leaves the lid and the floor.
-    pub fn build(&self) -> Result<Geometry, GeometryError> {
+    pub(crate) fn build(&self) -> Result<Geometry, GeometryError> {
         let radius = positive("radius", self.radius)?;
         let half = at_least_zero("height", self.height)? / 2.0;
         let mut repairs = Repairs::default();
@@ -162,7 +162,7 @@ impl Cone {
     ///
     /// # Errors
     /// A radius that is not positive, a negative height, and no part to see.
-    pub fn build(&self) -> Result<Geometry, GeometryError> {
+    pub(crate) fn build(&self) -> Result<Geometry, GeometryError> {
         let radius = positive("bottomRadius", self.bottom_radius)?;
         let height = at_least_zero("height", self.height)?;
         if !(self.side || self.bottom) {

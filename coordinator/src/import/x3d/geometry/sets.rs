@@ -24,11 +24,11 @@ macro_rules! indexed {
     ($(#[$doc:meta])* $name:ident, $shape:expr) => {
         $(#[$doc])*
         #[derive(Debug, Clone, PartialEq, Default)]
-        pub struct $name {
+        pub(crate) struct $name {
             /// The fields that all composed geometry has.
-            pub composed: Composed,
+            pub(crate) composed: Composed,
             /// Indices into the coordinates.
-            pub index: Vec<i32>,
+            pub(crate) index: Vec<i32>,
         }
 
         impl $name {
@@ -36,7 +36,7 @@ macro_rules! indexed {
             ///
             /// # Errors
             /// No points, no faces, or none that can be used.
-            pub fn build(&self) -> Result<Geometry, GeometryError> {
+            pub(crate) fn build(&self) -> Result<Geometry, GeometryError> {
                 from_index(&self.composed, &self.index, $shape)
             }
         }
@@ -47,11 +47,11 @@ macro_rules! counted {
     ($(#[$doc:meta])* $name:ident, $field:ident, $shape:expr, $label:literal) => {
         $(#[$doc])*
         #[derive(Debug, Clone, PartialEq, Default)]
-        pub struct $name {
+        pub(crate) struct $name {
             /// The fields that all composed geometry has.
-            pub composed: Composed,
+            pub(crate) composed: Composed,
             /// Vertices of each run, at least 3.
-            pub $field: Vec<i32>,
+            pub(crate) $field: Vec<i32>,
         }
 
         impl $name {
@@ -59,7 +59,7 @@ macro_rules! counted {
             ///
             /// # Errors
             /// No points, no faces, or none that can be used.
-            pub fn build(&self) -> Result<Geometry, GeometryError> {
+            pub(crate) fn build(&self) -> Result<Geometry, GeometryError> {
                 from_counts(&self.composed, &self.$field, $shape, $label)
             }
         }
@@ -103,18 +103,18 @@ counted!(
 
 /// TriangleSet: every three coordinates are a triangle.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct TriangleSet(pub Composed);
+pub(crate) struct TriangleSet(pub(crate) Composed);
 
 /// QuadSet: every four coordinates are a quad.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct QuadSet(pub Composed);
+pub(crate) struct QuadSet(pub(crate) Composed);
 
 impl TriangleSet {
     /// The faces as polygons.
     ///
     /// # Errors
     /// No points, or no triangle that can be used.
-    pub fn build(&self) -> Result<Geometry, GeometryError> {
+    pub(crate) fn build(&self) -> Result<Geometry, GeometryError> {
         in_order(&self.0, 3)
     }
 }
@@ -124,7 +124,7 @@ impl QuadSet {
     ///
     /// # Errors
     /// No points, or no quad that can be used.
-    pub fn build(&self) -> Result<Geometry, GeometryError> {
+    pub(crate) fn build(&self) -> Result<Geometry, GeometryError> {
         in_order(&self.0, 4)
     }
 }

@@ -26,6 +26,7 @@ impl Resolver<'_> {
     /// The nodes at the top of the main file.
     pub(super) fn main(&mut self, path: &BundlePath, bytes: &[u8]) -> Option<Vec<NodeId>> {
         let file = self.parse(path, bytes)?;
+        self.document.version = file.version;
         self.files.insert(path.clone(), Some(Rc::clone(&file)));
         self.inlining.push(path.clone());
         let mut frame = self.file_frame(&file);

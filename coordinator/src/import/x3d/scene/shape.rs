@@ -7,9 +7,9 @@ use crate::import::{
     x3d::{
         NodeRef,
         geometry::{
-            BoxNode, Composed, Cone, Cylinder, Disk2D, ElevationGrid, Extrusion, Geometry, GeometryError, IndexedFaceSet, IndexedQuadSet,
-            IndexedTriangleFanSet, IndexedTriangleSet, IndexedTriangleStripSet, QuadSet, Rectangle2D, Sphere, TriangleFanSet, TriangleSet,
-            TriangleSet2D, TriangleStripSet,
+            ArcClose2D, BoxNode, Composed, Cone, Cylinder, Disk2D, ElevationGrid, Extrusion, Geometry, GeometryError, IndexedFaceSet,
+            IndexedQuadSet, IndexedTriangleFanSet, IndexedTriangleSet, IndexedTriangleStripSet, QuadSet, Rectangle2D, Sphere,
+            TriangleFanSet, TriangleSet, TriangleSet2D, TriangleStripSet,
         },
     },
 };
@@ -75,6 +75,11 @@ fn build(node: NodeRef<'_>, coordinates: &Coordinates<'_>) -> Option<Result<Geom
         "Extrusion" => extrusion(node).build(),
         "Rectangle2D" => Rectangle2D { size: node.vec2("size"), solid }.build(),
         "Disk2D" => Disk2D { inner_radius: float("innerRadius"), outer_radius: float("outerRadius"), solid }.build(),
+        "ArcClose2D" => {
+            let closure_type = node.string("closureType").to_owned();
+            let (start_angle, end_angle) = (float("startAngle"), float("endAngle"));
+            ArcClose2D { closure_type, start_angle, end_angle, radius: float("radius"), solid }.build()
+        }
         "TriangleSet2D" => TriangleSet2D { vertices: node.mf_vec2("vertices").into_owned(), solid }.build(),
         _ => return None,
     })

@@ -103,6 +103,11 @@ Rectangle2D in geometry : Flat
 Disk2D in geometry : Flat
   SFFloat    [] innerRadius 0
   SFFloat    [] outerRadius 1
+ArcClose2D in geometry : Flat
+  SFString   [] closureType "PIE"
+  SFFloat angle [] endAngle 1.570796
+  SFFloat    [] radius 1
+  SFFloat angle [] startAngle 0
 TriangleSet2D in geometry : Flat
   MFVec2f    [in,out] vertices []
 

@@ -64,7 +64,6 @@ PointSet in geometry skipped : Node
   SFNode     [in,out] color NULL
   SFNode     [in,out] coord NULL
 Arc2D in geometry skipped : Node
-ArcClose2D in geometry skipped : Node
 Circle2D in geometry skipped : Node
 Polyline2D in geometry skipped : Node
 Polypoint2D in geometry skipped : Node

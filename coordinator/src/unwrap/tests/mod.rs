@@ -1,3 +1,5 @@
+mod meshes;
+
 use super::*;
 use kiln_proto::{
     frame::FrameRule,

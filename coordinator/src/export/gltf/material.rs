@@ -1,0 +1,333 @@
+//! Materials: metallic-roughness as it is, with the extensions that it needs, and Phong's as near as that model comes.
+//!
+//! A matt Phong material is exact: without a specular share what is left of glTF's is Lambert's. A glossy one keeps its reflectance at
+//! normal incidence (KHR_materials_specular) and takes the roughness whose microfacets have the width of its lobe, alpha^2 = 2/(n + 2)
+//! (Walter et al. 2007, section 5.2: the Beckmann and Phong distributions), and grows brighter at grazing angles, which Phong's does not. What is a mirror or
+//! has a lobe and no diffuse colour becomes a metal of that colour.
+
+use super::{
+    ExportError, Writer, number, numbers, scaled,
+    texture::{self, Source, Textures},
+};
+use kiln_proto::{
+    scene::{AlphaMode, LayerMode, Lobe, Material, MetallicRoughness, Opacity, Phong, Reflection, Scene, TextureLayer, TextureRef},
+    units::Rgb,
+};
+use serde_json::{Map, Value, json};
+use std::collections::BTreeMap;
+
+/// Reflectance of a dielectric of the default index of refraction, 1.5, at normal incidence (glTF 2.0, appendix B).
+const DIELECTRIC: f32 = 0.04;
+
+/// The coordinates that a primitive needs for its material.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub(super) struct Coordinates {
+    /// The scene's sets, at least so many.
+    pub(super) sets: usize,
+    /// Behind them: a set and a map of it that glTF cannot say.
+    pub(super) extra: Vec<(u32, [[f32; 3]; 2])>,
+}
+
+/// The materials of a file.
+pub(super) struct Materials<'s> {
+    scene: &'s Scene,
+    /// The most sets that a surface has: where extra sets begin.
+    most_sets: usize,
+    known: BTreeMap<(u32, bool), (usize, Coordinates)>,
+    list: Vec<Value>,
+    textures: Textures<'s>,
+}
+
+impl<'s> Materials<'s> {
+    pub(super) fn new(scene: &'s Scene) -> Self {
+        let most_sets = scene.surfaces.iter().map(|s| s.uv_sets.len()).max().unwrap_or_default();
+        Self { scene, most_sets, known: BTreeMap::new(), list: vec![], textures: Textures::new(scene) }
+    }
+
+    /// The index of a material, seen from both sides or one, and the coordinates that it looks up.
+    pub(super) fn choose(&mut self, index: u32, double_sided: bool, writer: &mut Writer<'_>) -> Result<(usize, Coordinates), ExportError> {
+        if let Some((known, coordinates)) = self.known.get(&(index, double_sided)) {
+            return Ok((*known, coordinates.clone()));
+        }
+        let scene = self.scene;
+        let material = &scene.materials[index as usize];
+        let mut maker = Maker { all: self, writer, material, coordinates: Coordinates::default(), json: Map::new() };
+        maker.make()?;
+        let Maker { mut json, mut coordinates, .. } = maker;
+        if !coordinates.extra.is_empty() {
+            coordinates.sets = self.most_sets;
+        }
+        json.insert("name".into(), json!(material.name));
+        if double_sided {
+            json.insert("doubleSided".into(), json!(true));
+        }
+        self.list.push(Value::Object(json));
+        self.known.insert((index, double_sided), (self.list.len() - 1, coordinates.clone()));
+        Ok((self.list.len() - 1, coordinates))
+    }
+
+    /// Materials, textures, images and samplers.
+    pub(super) fn into_lists(self) -> [Vec<Value>; 4] {
+        let [textures, images, samplers] = self.textures.into_lists();
+        [self.list, textures, images, samplers]
+    }
+}
+
+/// One material while it is made.
+struct Maker<'m, 's, 'w> {
+    all: &'m mut Materials<'s>,
+    writer: &'m mut Writer<'w>,
+    material: &'s Material,
+    coordinates: Coordinates,
+    json: Map<String, Value>,
+}
+
+impl Maker<'_, '_, '_> {
+    fn make(&mut self) -> Result<(), ExportError> {
+        let material = self.material;
+        match &material.reflection {
+            Reflection::None => self.shining()?,
+            Reflection::Phong(phong) => self.phong(phong)?,
+            Reflection::MetallicRoughness(pbr) => self.metallic_roughness(pbr)?,
+        }
+        if let Some(map) = &material.normal_map
+            && let Some(mut info) = self.texture(&map.texture, None, true)?
+        {
+            info["scale"] = number(map.scale);
+            self.json.insert("normalTexture".into(), info);
+        }
+        match material.opacity.mode {
+            AlphaMode::Opaque => {}
+            AlphaMode::Mask { cutoff } => {
+                self.json.insert("alphaMode".into(), json!("MASK"));
+                self.json.insert("alphaCutoff".into(), number(cutoff));
+            }
+            AlphaMode::Blend => {
+                self.json.insert("alphaMode".into(), json!("BLEND"));
+            }
+        }
+        Ok(())
+    }
+
+    fn note(&mut self, what: &'static str) {
+        self.writer.notes.count(what, &self.material.name);
+    }
+
+    fn extension(&mut self, name: &'static str, value: Value) {
+        self.writer.extensions.insert(name);
+        let extensions = self.json.entry("extensions").or_insert_with(|| json!({}));
+        extensions[name] = value;
+    }
+
+    /// What only emits: unlit where its colour is one, else a black material that emits.
+    fn shining(&mut self) -> Result<(), ExportError> {
+        let material = self.material;
+        let layer = material.emission_texture;
+        if material.emission.max_channel() <= 1.0 {
+            self.base(material.emission, layer, [0.0, 1.0], None)?;
+            self.extension("KHR_materials_unlit", json!({}));
+            return Ok(());
+        }
+        self.base(Rgb::BLACK, None, [0.0, 1.0], None)?;
+        self.extension("KHR_materials_specular", json!({"specularFactor": 0}));
+        self.emission()
+    }
+
+    fn phong(&mut self, phong: &Phong) -> Result<(), ExportError> {
+        let Phong { diffuse, layers, specular, specular_texture, lobe, .. } = phong;
+        let roughness = match *lobe {
+            Lobe::Mirror => 0.0,
+            // glTF's roughness is the square root of alpha.
+            Lobe::Phong { exponent } => (2.0 / (exponent + 2.0)).sqrt().sqrt(),
+        };
+        if !specular.is_black() {
+            self.note("glossy Phong materials were written as metallic-roughness ones, which reflect more at grazing angles");
+        }
+        if !specular.is_black() && diffuse.is_black() && layers.iter().all(|l| matches!(l.mode, LayerMode::Modulate { .. })) {
+            self.base(*specular, *specular_texture, [1.0, roughness], None)?;
+            return self.emission();
+        }
+        let (factor, layer) = self.base_layer(*diffuse, layers);
+        self.base(factor, layer, [0.0, roughness], None)?;
+        if specular.is_black() {
+            self.extension("KHR_materials_specular", json!({"specularFactor": 0}));
+        } else {
+            let color = (*specular * (1.0 / DIELECTRIC)).to_array();
+            let mut extension = json!({"specularColorFactor": numbers(&color)});
+            if let Some(reference) = specular_texture
+                && let Some(info) = self.texture(reference, None, false)?
+            {
+                extension["specularColorTexture"] = info;
+            }
+            self.extension("KHR_materials_specular", extension);
+        }
+        self.emission()
+    }
+
+    fn metallic_roughness(&mut self, pbr: &MetallicRoughness) -> Result<(), ExportError> {
+        let (factor, layer) = self.base_layer(pbr.base_color, &pbr.layers);
+        self.base(factor, layer, [pbr.metallic, pbr.roughness], pbr.metallic_roughness_texture)?;
+        if pbr.ior != 1.5 {
+            self.extension("KHR_materials_ior", json!({"ior": number(pbr.ior)}));
+        }
+        let mut specular = Map::new();
+        if pbr.specular != 1.0 {
+            specular.insert("specularFactor".into(), number(pbr.specular));
+        }
+        if pbr.specular_color != Rgb::WHITE {
+            specular.insert("specularColorFactor".into(), numbers(&pbr.specular_color.to_array()));
+        }
+        // The strength is in the alpha channel: an image without one changes nothing.
+        let strength = pbr.specular_texture.filter(|t| self.all.scene.textures[t.texture as usize].has_alpha);
+        for (name, reference, linear) in [("specularTexture", strength, true), ("specularColorTexture", pbr.specular_color_texture, false)]
+        {
+            if let Some(reference) = reference
+                && let Some(info) = self.texture(&reference, None, linear)?
+            {
+                specular.insert(name.into(), info);
+            }
+        }
+        if !specular.is_empty() {
+            self.extension("KHR_materials_specular", Value::Object(specular));
+        }
+        if pbr.transmission > 0.0 {
+            let mut extension = json!({"transmissionFactor": number(pbr.transmission)});
+            if let Some(reference) = pbr.transmission_texture
+                && let Some(info) = self.texture(&reference, None, true)?
+            {
+                extension["transmissionTexture"] = info;
+            }
+            self.extension("KHR_materials_transmission", extension);
+        }
+        self.emission()
+    }
+
+    /// The one texture that glTF's base colour may have, and the colour that it multiplies.
+    fn base_layer(&mut self, color: Rgb, layers: &[TextureLayer]) -> (Rgb, Option<TextureRef>) {
+        let lies_on = |l: &&TextureLayer| texture::set_of(&l.texture).is_some();
+        let (first, taken) = match layers.iter().find(lies_on) {
+            Some(TextureLayer { texture, mode: LayerMode::Modulate { scale } }) if (color * *scale).max_channel() <= 1.0 => {
+                ((color * *scale, Some(*texture)), 1)
+            }
+            Some(TextureLayer { texture, mode: LayerMode::Replace }) => ((Rgb::WHITE, Some(*texture)), 1),
+            _ => ((color, None), 0),
+        };
+        if layers.len() > taken {
+            self.note("materials have more textures on their colour, or others than glTF can say (it has one that multiplies); the first that fits is kept");
+        }
+        first
+    }
+
+    /// `pbrMetallicRoughness`, with the opacity in the alpha channel of the base colour.
+    fn base(
+        &mut self,
+        color: Rgb,
+        layer: Option<TextureRef>,
+        [metallic, roughness]: [f32; 2],
+        texture: Option<TextureRef>,
+    ) -> Result<(), ExportError> {
+        let Opacity { mode, factor, texture: alpha } = self.material.opacity;
+        let is_opaque = mode == AlphaMode::Opaque;
+        let [r, g, b] = color.to_array().map(|c| c.min(1.0));
+        let mut pbr = Map::new();
+        pbr.insert("baseColorFactor".into(), numbers(&[r, g, b, if is_opaque { 1.0 } else { factor }]));
+        pbr.insert("metallicFactor".into(), number(metallic));
+        pbr.insert("roughnessFactor".into(), number(roughness));
+        if let Some(info) = self.base_texture(layer, alpha.filter(|_| !is_opaque))? {
+            pbr.insert("baseColorTexture".into(), info);
+        }
+        if let Some(texture) = texture
+            && let Some(info) = self.texture(&texture, None, true)?
+        {
+            pbr.insert("metallicRoughnessTexture".into(), info);
+        }
+        self.json.insert("pbrMetallicRoughness".into(), Value::Object(pbr));
+        Ok(())
+    }
+
+    fn base_texture(&mut self, layer: Option<TextureRef>, alpha: Option<TextureRef>) -> Result<Option<Value>, ExportError> {
+        let alike = |a: &TextureRef, b: &TextureRef| TextureRef { texture: a.texture, ..*b } == *a;
+        match (layer, alpha) {
+            (None, None) => Ok(None),
+            (Some(color), None) => self.texture(&color, None, false),
+            (None, Some(alpha)) => self.alpha_only(&alpha),
+            (Some(color), Some(alpha)) => {
+                if alike(&color, &alpha)
+                    && let Some(info) = self.texture(&color, Some(alpha.texture), false)?
+                {
+                    return Ok(Some(info));
+                }
+                self.note("textures of opacity that lie on the surface otherwise than the colour's were left out");
+                self.texture(&color, None, false)
+            }
+        }
+    }
+
+    fn alpha_only(&mut self, alpha: &TextureRef) -> Result<Option<Value>, ExportError> {
+        if !self.all.scene.textures[alpha.texture as usize].has_alpha {
+            return Ok(None);
+        }
+        self.info(alpha, Source { color: None, alpha: Some(alpha.texture), linear: false })
+    }
+
+    fn emission(&mut self) -> Result<(), ExportError> {
+        let material = self.material;
+        if material.emission.is_black() {
+            return Ok(());
+        }
+        let strength = scaled(material.emission.max_channel());
+        let factor = (material.emission * (1.0 / strength)).to_array().map(|c| c.min(1.0));
+        self.json.insert("emissiveFactor".into(), numbers(&factor));
+        if strength > 1.0 {
+            self.extension("KHR_materials_emissive_strength", json!({"emissiveStrength": number(strength)}));
+        }
+        if let Some(reference) = &material.emission_texture
+            && let Some(info) = self.texture(reference, None, false)?
+        {
+            self.json.insert("emissiveTexture".into(), info);
+        }
+        Ok(())
+    }
+
+    /// A `textureInfo`; `None` where the texture is projected or does not go together with `alpha`.
+    fn texture(&mut self, reference: &TextureRef, alpha: Option<u32>, linear: bool) -> Result<Option<Value>, ExportError> {
+        // The image's own alpha needs no second source.
+        let alpha = alpha.filter(|a| *a != reference.texture);
+        self.info(reference, Source { color: Some(reference.texture), alpha, linear })
+    }
+
+    fn info(&mut self, reference: &TextureRef, source: Source) -> Result<Option<Value>, ExportError> {
+        let Some(set) = texture::set_of(reference) else {
+            self.note("projected textures, which glTF has no words for, were left out");
+            return Ok(None);
+        };
+        let buffers = &mut self.writer.buffers;
+        let Some(index) = self.all.textures.index(source, reference, |png| buffers.view(png, None))? else { return Ok(None) };
+        let mut info = json!({"index": index});
+        let set = match texture::transform(reference.transform) {
+            Some(transform) => {
+                if let Some(transform) = transform.to_json() {
+                    info["extensions"] = json!({"KHR_texture_transform": transform});
+                    self.writer.extensions.insert("KHR_texture_transform");
+                }
+                self.coordinates.sets = self.coordinates.sets.max(set as usize + 1);
+                set as usize
+            }
+            None => self.extra_set((set, reference.transform)),
+        };
+        if set > 0 {
+            info["texCoord"] = json!(set);
+        }
+        Ok(Some(info))
+    }
+
+    /// A set of coordinates that are transformed already.
+    fn extra_set(&mut self, wanted: (u32, [[f32; 3]; 2])) -> usize {
+        let extra = &mut self.coordinates.extra;
+        let place = extra.iter().position(|known| *known == wanted).unwrap_or_else(|| {
+            extra.push(wanted);
+            extra.len() - 1
+        });
+        self.all.most_sets + place
+    }
+}

@@ -1,0 +1,197 @@
+//! What fuzzing runs: one function per parser of bytes from outside, each of which must return, whatever the bytes are.
+//!
+//! The targets live here because parsers are private and bounds on them are part of the design: a test replays their corpus with the
+//! same bodies and the same count of memory as `cargo fuzz` (folder `fuzz`). A cargo feature would hide them better and build everything
+//! twice.
+
+use crate::import::{Bundle, Content, Part, X3dEncoding, import_bundle, rewrite_x3d};
+use image::{ImageFormat, ImageReader};
+use kiln_proto::{
+    format::{Header, Kind, container, header, manifest::Manifest, surface::SurfaceFiles},
+    options::ImportOptions,
+    plan::Plan,
+    scene::Scene,
+    segment::{Segment, without_raw},
+    wire::{
+        frame::{self, from_frame},
+        message::{ChunkTrailer, ChunkVerdict, Finish, Heartbeat, HeartbeatReply, Hello, LeaseGrant, LeaseRequest, Refusal, Welcome},
+    },
+};
+use std::{io::Cursor, ops::Range, path::Path};
+
+/// One parser.
+#[derive(Debug, Clone, Copy)]
+pub struct Target {
+    /// Its name, and that of its corpus.
+    pub name: &'static str,
+    /// Reads bytes.
+    pub run: fn(&[u8]),
+    /// Bytes that it may hold for the images that its input declares.
+    pub images: fn(&[u8]) -> u64,
+}
+
+const fn target(name: &'static str, run: fn(&[u8])) -> Target {
+    Target { name, run, images: |_| 0 }
+}
+
+/// A target whose input may have images in it.
+const fn pictured(name: &'static str, run: fn(&[u8])) -> Target {
+    Target { name, run, images: declared_images }
+}
+
+/// All of them.
+pub const TARGETS: [Target; 19] = [
+    target("obj", |bytes| import("s.obj", bytes)),
+    target("mtl", mtl),
+    pictured("gltf", |bytes| import("s.gltf", bytes)),
+    pictured("glb", |bytes| import("s.glb", bytes)),
+    target("x3d_xml", |bytes| import("s.x3d", bytes)),
+    target("x3d_classic", |bytes| import("s.x3dv", bytes)),
+    target("x3d_json", |bytes| import("s.x3dj", bytes)),
+    target("x3d_gzip", |bytes| import("s.x3dz", bytes)),
+    target("x3d_rewrite", rewrite),
+    target("zip", zip),
+    Target { name: "image", run: crate::import::fuzz_image, images: |bytes| declared_images(bytes).max(declared_tga(bytes)) },
+    target("frame", frames),
+    target("segment", segment),
+    target("scene", |bytes| drop(Scene::from_bytes(bytes))),
+    target("plan", |bytes| drop(Plan::from_bytes(bytes))),
+    target("container", |bytes| with_sum(bytes, 24, &[32..usize::MAX], |bytes| drop(container::parse(bytes)))),
+    target("header", headers),
+    target("surface", surface),
+    target("manifest", |bytes| drop(Manifest::from_bytes(bytes))),
+];
+
+/// The target of this name.
+#[must_use]
+pub fn find(name: &str) -> Option<Target> {
+    TARGETS.into_iter().find(|t| t.name == name)
+}
+
+/// Bytes that decoding the images in a file may take by what they say of their size: eight a pixel while they are decoded (four channels of
+/// 16 bits), eight more for what is made of them. Images are found by the magic numbers of PNG, JPEG and BMP, as they are or in base64.
+fn declared_images(bytes: &[u8]) -> u64 {
+    const MAGIC: [&[u8]; 3] = [b"\x89PNG", b"\xff\xd8\xff", b"BM"];
+    let starts = (0..bytes.len()).filter(|at| MAGIC.iter().any(|magic| bytes[*at..].starts_with(magic)));
+    let sizes = starts.filter_map(|at| ImageReader::new(Cursor::new(&bytes[at..])).with_guessed_format().ok()?.into_dimensions().ok());
+    let sum = sizes.map(pixels).fold(0, u64::saturating_add);
+    let marks = bytes.windows(7).enumerate().filter(|(_, w)| *w == b"base64,").map(|(at, _)| &bytes[at + 7..]);
+    marks.take(64).fold(sum, |sum, rest| sum.saturating_add(in_base64(rest)))
+}
+
+/// What the bytes declare if they are a TGA, which no magic number tells.
+fn declared_tga(bytes: &[u8]) -> u64 {
+    ImageReader::with_format(Cursor::new(bytes), ImageFormat::Tga).into_dimensions().map_or(0, pixels)
+}
+
+fn pixels((width, height): (u32, u32)) -> u64 {
+    (u64::from(width) * u64::from(height)).saturating_mul(16)
+}
+
+fn in_base64(text: &[u8]) -> u64 {
+    use base64::{Engine as _, engine::general_purpose::STANDARD_NO_PAD};
+    let is_digit = |b: &u8| b.is_ascii_alphanumeric() || matches!(b, b'+' | b'/');
+    let length = text.iter().position(|b| !is_digit(b)).unwrap_or(text.len());
+    let whole = length / 4 * 4;
+    STANDARD_NO_PAD.decode(&text[..whole]).map_or(0, |bytes| declared_images(&bytes))
+}
+
+fn bundle(parts: Vec<(&str, &[u8])>, main: &str) -> Option<Bundle> {
+    let parts = parts.into_iter().map(|(name, bytes)| Part { name: name.to_owned(), content: Content::Bytes(bytes.to_vec()) });
+    // No archive is unpacked here, so nothing is written.
+    Bundle::from_parts(parts.collect(), Some(main), Path::new("unused")).ok()
+}
+
+/// A scene by itself, at rest and at a time.
+fn import(name: &str, bytes: &[u8]) {
+    if let Some(bundle) = bundle(vec![(name, bytes)], name) {
+        for time in [None, Some(1.5)] {
+            drop(import_bundle(&bundle, &ImportOptions { time, ..ImportOptions::default() }));
+        }
+    }
+}
+
+fn mtl(bytes: &[u8]) {
+    let scene = b"mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nusemtl m\nf 1/1 2/2 3/3\nusemtl n\nf 1/1 2/2 3/3\n";
+    if let Some(bundle) = bundle(vec![("s.obj", scene), ("m.mtl", bytes)], "s.obj") {
+        drop(import_bundle(&bundle, &ImportOptions::default()));
+    }
+}
+
+/// What was written of any X3D can be read again.
+fn rewrite(bytes: &[u8]) {
+    let Some(first) = bundle(vec![("s.x3d", bytes)], "s.x3d") else { return };
+    for encoding in [X3dEncoding::Xml, X3dEncoding::Classic] {
+        let Ok(written) = rewrite_x3d(&first, None, true, encoding) else { continue };
+        let Some(second) = bundle(vec![("s.x3d", written.text.as_bytes())], "s.x3d") else { continue };
+        let again = rewrite_x3d(&second, None, false, encoding);
+        assert!(again.is_ok(), "{again:?} of {}", written.text);
+    }
+}
+
+fn zip(bytes: &[u8]) {
+    if let Ok(scratch) = tempfile::tempdir() {
+        drop(Bundle::from_zip(Cursor::new(bytes), None, scratch.path()));
+    }
+}
+
+/// Every message, with the length and the checksum that the bytes say and with the right ones, which chance does not hit.
+fn frames(bytes: &[u8]) {
+    let mut whole = bytes.to_vec();
+    if let Some(length) = whole.len().checked_sub(frame::HEADER_BYTES) {
+        whole[8..12].copy_from_slice(&(length as u32).to_le_bytes());
+    }
+    for bytes in [bytes, &whole] {
+        with_sum(bytes, 16, &[frame::HEADER_BYTES..usize::MAX], |bytes| {
+            drop((
+                from_frame::<Hello>(bytes),
+                from_frame::<Welcome>(bytes),
+                from_frame::<LeaseRequest>(bytes),
+                from_frame::<LeaseGrant>(bytes),
+            ));
+            drop((from_frame::<Heartbeat>(bytes), from_frame::<HeartbeatReply>(bytes), from_frame::<ChunkVerdict>(bytes)));
+            drop((from_frame::<Finish>(bytes), from_frame::<Refusal>(bytes), from_frame::<ChunkTrailer>(bytes)));
+        });
+    }
+}
+
+fn segment(bytes: &[u8]) {
+    with_sum(bytes, 36, &[0..36, 40..usize::MAX], |bytes| {
+        drop(Segment::from_bytes(bytes));
+        drop(without_raw(bytes.to_vec()));
+    });
+}
+
+/// Runs on the bytes as they are, and again with the CRC32C of some ranges where it belongs: four bytes at `at`.
+fn with_sum(bytes: &[u8], at: usize, ranges: &[Range<usize>], run: impl Fn(&[u8])) {
+    run(bytes);
+    let mut mended = bytes.to_vec();
+    let sum = ranges.iter().fold(0, |sum, r| crc32c::crc32c_append(sum, mended.get(r.start..r.end.min(mended.len())).unwrap_or_default()));
+    if let Some(place) = mended.get_mut(at..at + 4) {
+        place.copy_from_slice(&sum.to_le_bytes());
+        run(&mended);
+    }
+}
+
+fn headers(bytes: &[u8]) {
+    if let Some(first) = bytes.first_chunk::<{ header::BYTES }>() {
+        for kind in [Kind::Mtex, Kind::Mtsp, Kind::Mti, Kind::Mtnc, Kind::Mtm] {
+            drop(Header::parse(first, kind, bytes.len() as u64));
+        }
+    }
+}
+
+/// The four files of a surface, each behind its length in two bytes.
+fn surface(bytes: &[u8]) {
+    let mut rest = bytes;
+    let files: [&[u8]; 4] = std::array::from_fn(|_| {
+        let Some((length, behind)) = rest.split_first_chunk::<2>() else { return &[][..] };
+        let (file, behind) = behind.split_at(usize::from(u16::from_le_bytes(*length)).min(behind.len()));
+        rest = behind;
+        file
+    });
+    if let Ok(surface) = SurfaceFiles::parse(files[0], files[1], files[2], files[3]) {
+        let texels = surface.header().size.texels().min(4_096);
+        (0..texels as usize).for_each(|texel| drop(surface.kept(texel)));
+    }
+}

@@ -1,0 +1,67 @@
+//! How much memory a parser takes: a counting allocator, and the bound that issue and design name.
+//!
+//! At no moment may a parser hold more than four times its input, what images in it declare, and a base for tables and decoders that does
+//! not grow with anything. Counting in the allocator sees what a parser really asks for, before the system has any of it; a limit on the
+//! process would see only what was touched, and end the run instead of naming the input.
+
+use std::{
+    alloc::{GlobalAlloc, Layout, System},
+    sync::atomic::{AtomicUsize, Ordering::Relaxed},
+};
+
+/// Bytes beside input and images: tables of a node type each, states of decompressors, buffers of readers.
+const BASE: u64 = 8 << 20;
+/// Bytes per byte of input.
+const FACTOR: u64 = 4;
+
+/// The system's allocator, counting.
+pub struct Counting;
+
+static HELD: AtomicUsize = AtomicUsize::new(0);
+static PEAK: AtomicUsize = AtomicUsize::new(0);
+
+fn grow(bytes: usize) {
+    let held = HELD.fetch_add(bytes, Relaxed).wrapping_add(bytes);
+    PEAK.fetch_max(held, Relaxed);
+}
+
+// SAFETY: every call goes to the system's allocator with the caller's own arguments; counting touches no memory of theirs.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        grow(layout.size());
+        // SAFETY: the caller's promise about `layout` is passed on.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
+        grow(layout.size());
+        // SAFETY: the caller's promise about `layout` is passed on.
+        unsafe { System.alloc_zeroed(layout) }
+    }
+
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        HELD.fetch_sub(layout.size(), Relaxed);
+        // SAFETY: the pointer came from the system's allocator with this layout, as all of ours do.
+        unsafe { System.dealloc(pointer, layout) }
+    }
+
+    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        grow(size);
+        HELD.fetch_sub(layout.size(), Relaxed);
+        // SAFETY: the pointer came from the system's allocator with this layout, and the caller vouches for the size.
+        unsafe { System.realloc(pointer, layout, size) }
+    }
+}
+
+/// Runs a parser; the most bytes that it held at once. Right only while nothing else in the process allocates.
+pub fn peak(run: impl FnOnce()) -> u64 {
+    let before = HELD.load(Relaxed);
+    PEAK.store(before, Relaxed);
+    run();
+    PEAK.load(Relaxed).saturating_sub(before) as u64
+}
+
+/// The most bytes that a parser may hold for an input in which images declare `images` bytes.
+pub fn allowed(input: &[u8], images: u64) -> u64 {
+    (FACTOR * input.len() as u64).saturating_add(images).saturating_add(BASE)
+}

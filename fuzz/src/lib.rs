@@ -1,0 +1,55 @@
+//! What every fuzz target does around its parser: it counts memory and time.
+//!
+//! Too much memory is a crash, and libFuzzer keeps the input. Too much time is printed with the input's length: sanitizers and a busy machine
+//! make a wall clock a poor judge, so that a person looks (`-timeout` of libFuzzer ends what hangs).
+
+pub mod bounds;
+
+pub use kiln_coordinator::fuzzing::Target;
+pub use libfuzzer_sys;
+
+use std::time::{Duration, Instant};
+
+#[global_allocator]
+static ALLOCATOR: bounds::Counting = bounds::Counting;
+
+/// A second for every this many bytes, and for less.
+const BYTES_PER_SECOND: f64 = 100_000.0;
+
+/// Runs one input.
+///
+/// # Panics
+/// Where the parser does, and where it held more memory than it may.
+pub fn run(target: Target, input: &[u8]) {
+    let begun = Instant::now();
+    let peak = bounds::peak(|| (target.run)(input));
+    let (took, most) = (begun.elapsed(), Duration::from_secs_f64((input.len() as f64 / BYTES_PER_SECOND).max(1.0)));
+    if took > most {
+        eprintln!("{}: {} bytes took {took:?}; {most:?} are allowed", target.name, input.len());
+    }
+    // What images declare is looked for only where it matters: it costs more than most parsers.
+    if peak > bounds::allowed(input, 0) {
+        let allowed = bounds::allowed(input, (target.images)(input));
+        assert!(peak <= allowed, "{}: {} bytes of input took {peak} bytes at once; {allowed} are allowed", target.name, input.len());
+    }
+}
+
+/// A fuzz target by its name.
+#[macro_export]
+macro_rules! target {
+    ($name:literal) => {
+        $crate::libfuzzer_sys::fuzz_target!(|input: &[u8]| {
+            static TARGET: ::std::sync::LazyLock<$crate::Target> = ::std::sync::LazyLock::new(|| $crate::find($name));
+            $crate::run(*TARGET, input);
+        });
+    };
+}
+
+/// The target of this name.
+///
+/// # Panics
+/// Where there is none: the file that asks is named wrongly.
+#[must_use]
+pub fn find(name: &str) -> Target {
+    kiln_coordinator::fuzzing::find(name).unwrap_or_else(|| panic!("kiln_coordinator::fuzzing has no target `{name}`"))
+}
