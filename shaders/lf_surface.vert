@@ -10,6 +10,11 @@ in vec3 normal;
 in vec3 tangent;
 in vec2 uv;
 in float chart;
+in float part;
+#ifdef LF_COVER
+in vec4 alphaAt;
+in vec4 passingAt;
+#endif
 
 centroid out vec2 vUv;
 centroid out vec3 vPosition;
@@ -17,6 +22,11 @@ centroid out vec3 vToEye;
 out vec3 vNormal;
 out vec3 vTangent;
 flat out float vChart;
+flat out float vPart;
+#ifdef LF_COVER
+centroid out vec4 vAlphaAt;
+centroid out vec4 vPassingAt;
+#endif
 
 // The depth pre-pass must find the very depths that this shader does.
 invariant gl_Position;
@@ -28,5 +38,10 @@ void main() {
 	vNormal = normal;
 	vTangent = tangent;
 	vChart = chart;
+	vPart = part;
+#ifdef LF_COVER
+	vAlphaAt = alphaAt;
+	vPassingAt = passingAt;
+#endif
 	gl_Position = projectionMatrix * modelViewMatrix * vec4( position, 1.0 );
 }

@@ -5,7 +5,7 @@ use futures_util::StreamExt;
 use kiln_coordinator::engine::JobPage;
 use kiln_coordinator::import::bundle::{Bundle, Content};
 use kiln_coordinator::records::{JobRecord, NewJob, Problem, SceneRecord, SceneState, WorkerRecord};
-use kiln_proto::ids::JobId;
+use kiln_proto::{ids::JobId, options::ImportOptions};
 use reqwest::{RequestBuilder, Response, multipart};
 use serde::{Deserialize, de::DeserializeOwned};
 use std::{path::Path, time::Duration};
@@ -61,8 +61,8 @@ impl Api {
         format!("{}{path}", self.base)
     }
 
-    /// Uploads a scene and waits until it is imported.
-    pub async fn upload(&self, bundle: &Bundle) -> Result<SceneRecord, CommandError> {
+    /// Uploads a scene and waits until it is imported with these options.
+    pub async fn upload(&self, bundle: &Bundle, options: &ImportOptions) -> Result<SceneRecord, CommandError> {
         let mut form = multipart::Form::new();
         for (name, content) in bundle.files() {
             let part = match content {
@@ -74,7 +74,7 @@ impl Api {
             form = form.part("file", part.file_name(name.as_str().to_owned()));
         }
         // The answer comes within 30 s of the last byte, or is 202 while a large scene is still being imported.
-        let mut record: SceneRecord = self.json(self.http.post(self.url("/v1/scenes")).multipart(form)).await?;
+        let mut record: SceneRecord = self.json(self.http.post(self.url("/v1/scenes")).query(options).multipart(form)).await?;
         while matches!(record.state, SceneState::Uploaded | SceneState::Importing) {
             tokio::time::sleep(Duration::from_millis(500)).await;
             record = self.json(self.http.get(self.url(&format!("/v1/scenes/{}", record.id)))).await?;

@@ -6,6 +6,7 @@ use crate::{
     error::CommandError,
     fetch::{self, Content, OutputFolder},
     host::{Host, asked_to_stop},
+    import_args::ImportArgs,
     output, progress, submit,
 };
 use clap::Args;
@@ -37,6 +38,8 @@ pub struct BakeArgs {
     #[command(flatten)]
     content: Content,
     #[command(flatten)]
+    import: ImportArgs,
+    #[command(flatten)]
     settings: SettingsArgs,
 }
 
@@ -46,7 +49,7 @@ pub async fn run(args: &BakeArgs, json: bool) -> Result<(), CommandError> {
     args.content.check()?;
     let targets = targets(&args.scenes, &args.output)?;
     let scratch = submit::scratch()?;
-    let bundles: Vec<_> = args.scenes.iter().map(|s| submit::collect(s, scratch.path())).collect::<Result<_, _>>()?;
+    let bundles: Vec<_> = args.scenes.iter().map(|s| submit::collect(s, &args.import, scratch.path())).collect::<Result<_, _>>()?;
     for (_, target) in &targets {
         fetch::check_target(target)?;
     }

@@ -1,6 +1,6 @@
 //! `kiln eval`: the bake's own estimator at points and directions that the user names.
 
-use crate::{api, bake_settings::SettingsArgs, error::CommandError, output, submit, work};
+use crate::{api, bake_settings::SettingsArgs, error::CommandError, import_args::ImportArgs, output, submit, work};
 use clap::Args;
 use glam::Vec3;
 use kiln_coordinator::import;
@@ -32,6 +32,8 @@ pub struct EvalArgs {
     #[arg(long, value_name = "N", default_value_t = 0)]
     threads: usize,
     #[command(flatten)]
+    import: ImportArgs,
+    #[command(flatten)]
     settings: SettingsArgs,
 }
 
@@ -54,8 +56,8 @@ pub fn run(args: &EvalArgs, json: bool) -> Result<(), CommandError> {
     let settings = args.settings.patch()?.resolve().map_err(|e| CommandError::usage(format!("settings: {e}")))?;
     let table = read(&args.queries)?;
     let scratch = submit::scratch()?;
-    let bundle = submit::collect(&args.scene, scratch.path())?;
-    let imported = import::import_bundle(&bundle, &kiln_proto::options::ImportOptions::default()).map_err(|p| api::rejected(&p))?;
+    let scene = submit::collect(&args.scene, &args.import, scratch.path())?;
+    let imported = import::import_bundle(&scene.bundle, &scene.options).map_err(|p| api::rejected(&p))?;
     for warning in &imported.warnings {
         eprintln!("warning: {warning}");
     }

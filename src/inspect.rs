@@ -30,6 +30,8 @@ struct Report<'a> {
     /// Absent without `--verify`.
     #[serde(skip_serializing_if = "Option::is_none")]
     verification: Option<&'a verify::Verification>,
+    /// Names of the author's cameras, the one to begin with first.
+    cameras: Vec<&'a str>,
     manifest: &'a manifest::Manifest,
 }
 
@@ -42,7 +44,8 @@ pub(crate) fn run(args: &Args, json: bool, out: &mut dyn Write) -> Result<(), To
     let verification = args.verify.then(|| verify::verify(&package)).transpose()?;
     let hash = hash(&package);
     if json {
-        let report = Report { package_hash: hash, verification: verification.as_ref(), manifest: &package.manifest };
+        let cameras = package.scene.cameras.iter().map(|c| c.name.as_str()).collect();
+        let report = Report { package_hash: hash, verification: verification.as_ref(), cameras, manifest: &package.manifest };
         serde_json::to_writer_pretty(&mut *out, &report).map_err(std::io::Error::from)?;
         writeln!(out)?;
     } else {
@@ -81,6 +84,10 @@ fn print(package: &Package, hash: PackageHash, verification: Option<&verify::Ver
         t.ratio
     )?;
     writeln!(out, "1 MB is the thesis's 1,024,000 bytes; the ratio is 3 bytes x directions x covered texels over the four coded files.")?;
+    if !package.scene.cameras.is_empty() {
+        let names: Vec<&str> = package.scene.cameras.iter().map(|c| c.name.as_str()).collect();
+        writeln!(out, "cameras: {}", names.join(", "))?;
+    }
     for s in m.surfaces.iter().filter(|s| s.encoding.grew) {
         writeln!(out, "{} grew: its light is too varied for this rule.", s.name)?;
     }

@@ -15,6 +15,7 @@ mod error;
 mod eval;
 mod fetch;
 mod host;
+mod import_args;
 mod inspect;
 mod output;
 mod package;

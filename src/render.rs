@@ -27,6 +27,9 @@ pub(crate) struct Args {
     /// The PNG file to write.
     #[arg(short, long, value_name = "FILE")]
     pub(crate) output: PathBuf,
+    /// A camera of the scene, by its name, in the place of --eye, --target and --fov; `kiln inspect` lists them.
+    #[arg(long, value_name = "NAME", conflicts_with_all = ["eye", "target", "fov"])]
+    pub(crate) camera: Option<String>,
     /// Where the eye is, x,y,z in metres.
     #[arg(long, value_name = "X,Y,Z", value_parser = view::point, allow_hyphen_values = true)]
     pub(crate) eye: Option<Vec3>,
@@ -65,7 +68,7 @@ pub(crate) fn run(args: &Args, json: bool, out: &mut dyn Write) -> Result<(), To
         return Err(ToolError::NoRaw { path: package.dir });
     }
     let &Args { eye, target, fov, size, exposure, mode, antialias, from, .. } = args;
-    let asked = View { eye, target, fov, size, exposure, mode, antialias };
+    let asked = View { camera: args.camera.clone(), eye, target, fov, size, exposure, mode, antialias };
     let camera = asked.camera(&package.scene).map_err(|e| ToolError::Usage(e.to_string()))?;
     let begun = Instant::now();
     let mut light = Light::new(&package, &package.scene, &package.plan, from, Trust::Checksum);
@@ -105,7 +108,7 @@ fn tell(args: &Args, camera: &Camera, picture: &Picture, milliseconds: f64, json
     if json {
         let report = serde_json::json!({
             "file": args.output,
-            "camera": { "eye": eye.to_array(), "target": target.to_array(), "fov": camera.fov() },
+            "camera": { "name": args.camera, "eye": eye.to_array(), "target": target.to_array(), "fov": camera.fov() },
             "width": size.width,
             "height": size.height,
             "milliseconds": milliseconds,
@@ -115,7 +118,11 @@ fn tell(args: &Args, camera: &Camera, picture: &Picture, milliseconds: f64, json
         return Ok(());
     }
     let point = |p: Vec3| format!("{},{},{}", p.x, p.y, p.z);
-    writeln!(out, "{}: {size}, --eye {} --target {}, {milliseconds:.0} ms", args.output.display(), point(eye), point(target))?;
+    let from = match &args.camera {
+        Some(name) => format!("--camera {name}"),
+        None => format!("--eye {} --target {}", point(eye), point(target)),
+    };
+    writeln!(out, "{}: {size}, {from}, {milliseconds:.0} ms", args.output.display())?;
     if dark > 0 {
         writeln!(out, "{dark} pixels see a surface where the light field has nothing; they are black")?;
     }

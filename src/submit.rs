@@ -1,12 +1,12 @@
 //! `kiln submit`: send scenes with all that they refer to.
 
-use crate::{api::Api, bake, bake_settings::SettingsArgs, error::CommandError, output, progress};
+use crate::{api::Api, bake, bake_settings::SettingsArgs, error::CommandError, import_args::ImportArgs, output, progress};
 use clap::Args;
 use kiln_coordinator::{
     import::bundle::{self, Bundle},
     records::{JobRecord, NewJob},
 };
-use kiln_proto::settings::SettingsPatch;
+use kiln_proto::{options::ImportOptions, settings::SettingsPatch};
 use std::{
     collections::BTreeMap,
     path::{Path, PathBuf},
@@ -31,6 +31,8 @@ pub struct SubmitArgs {
     #[arg(long, value_name = "KEY=VALUE", value_parser = label)]
     label: Vec<(String, String)>,
     #[command(flatten)]
+    import: ImportArgs,
+    #[command(flatten)]
     settings: SettingsArgs,
 }
 
@@ -46,8 +48,8 @@ pub async fn run(args: &SubmitArgs, json: bool) -> Result<(), CommandError> {
     let scratch = scratch()?;
     let labels: BTreeMap<_, _> = args.label.iter().cloned().collect();
     for scene in &args.scenes {
-        let bundle = collect(scene, scratch.path())?;
-        let job = create(&api, &bundle, settings.clone(), args.priority, labels.clone()).await?;
+        let scene = collect(scene, &args.import, scratch.path())?;
+        let job = create(&api, &scene, settings.clone(), args.priority, labels.clone()).await?;
         if json {
             output::json(&serde_json::json!({"id": job.id}))?;
         } else {
@@ -63,26 +65,35 @@ pub async fn run(args: &SubmitArgs, json: bool) -> Result<(), CommandError> {
 /// Uploads a scene and creates its job; warnings of the import go to stderr.
 pub async fn create(
     api: &Api,
-    bundle: &Bundle,
+    scene: &Collected,
     settings: SettingsPatch,
     priority: i32,
     labels: BTreeMap<String, String>,
 ) -> Result<JobRecord, CommandError> {
-    let record = api.upload(bundle).await?;
+    let record = api.upload(&scene.bundle, &scene.options).await?;
     for warning in &record.warnings {
         eprintln!("warning: {warning}");
     }
     api.create_job(&NewJob { scene: record.id.to_string(), settings, priority, labels }).await
 }
 
-/// A scene with every file that it refers to. Archives are unpacked into `scratch`, which must outlive the result. Files that are missing
+/// A scene as it is on its way to an import.
+pub struct Collected {
+    /// Its files.
+    pub bundle: Bundle,
+    /// How it is to be read.
+    pub options: ImportOptions,
+}
+
+/// A scene with every file that it refers to, and the environment. Archives are unpacked into `scratch`, which must outlive the result. Files that are missing
 /// are listed on stderr; whether the scene can do without them is the importer's verdict.
-pub fn collect(scene: &Path, scratch: &Path) -> Result<Bundle, CommandError> {
-    let (bundle, missing) = bundle::collect(scene, scratch).map_err(|p| CommandError::work(p.to_string()))?;
+pub fn collect(scene: &Path, import: &ImportArgs, scratch: &Path) -> Result<Collected, CommandError> {
+    let (mut bundle, missing) = bundle::collect(scene, import.root(), scratch).map_err(|p| CommandError::work(p.to_string()))?;
     for problem in missing {
         eprintln!("warning: {problem}");
     }
-    Ok(bundle)
+    let options = import.pack(&mut bundle)?;
+    Ok(Collected { bundle, options })
 }
 
 /// A folder for unpacked archives.

@@ -3,6 +3,7 @@
 
 use kiln_proto::{
     ids::{JobId, SceneHash, WorkerId},
+    options::ImportOptions,
     settings::{BakeSettings, SettingsPatch},
     tile::TileRun,
     wire::message::Phase,
@@ -65,6 +66,10 @@ pub struct SceneRecord {
     pub state: SceneState,
     /// When it was uploaded.
     pub created_ms: UnixMillis,
+    /// How it was to be read.
+    #[serde(default)]
+    #[schema(value_type = Object)]
+    pub options: ImportOptions,
     /// Statistics once it is ready.
     pub statistics: Option<SceneStatistics>,
     /// What was repaired, ignored or approximated.
@@ -73,8 +78,9 @@ pub struct SceneRecord {
     pub problems: Vec<Problem>,
 }
 
-/// Counts of a canonical scene.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+/// Counts of a canonical scene. What of the file is not in it is told by the warnings beside.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, ToSchema)]
+#[serde(default)]
 pub struct SceneStatistics {
     /// Triangles.
     pub triangles: u64,
@@ -86,10 +92,43 @@ pub struct SceneStatistics {
     pub textures: u64,
     /// Triangles that emit.
     pub emissive_triangles: u64,
+    /// Parts of surfaces: runs of triangles with a material each.
+    pub parts: u64,
+    /// Surfaces that are the back of another: what is seen from both sides counts twice.
+    pub backs: u64,
+    /// Surfaces with normals of their own; the others are flat in each triangle.
+    pub smooth_surfaces: u64,
+    /// Surfaces with vertex colours.
+    pub colored_surfaces: u64,
+    /// Surfaces with at least one set of texture coordinates.
+    pub mapped_surfaces: u64,
+    /// The most sets of texture coordinates that a surface has.
+    pub uv_sets: u64,
+    /// Triangles that light passes: cut out, blended or transmitting.
+    pub transparent_triangles: u64,
+    /// Lights without area, by kind.
+    pub lights: LightCounts,
+    /// Width and height of the environment map, pixels; absent where there is none.
+    pub environment: Option<[u32; 2]>,
+    /// Cameras.
+    pub cameras: u64,
+    /// Projectors of textures and shadow maps.
+    pub projectors: u64,
     /// Lower corner of the bounding box, metres.
     pub low: [f32; 3],
     /// Upper corner of the bounding box, metres.
     pub high: [f32; 3],
+}
+
+/// Lights without area.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, ToSchema)]
+pub struct LightCounts {
+    /// From a point to all sides.
+    pub point: u64,
+    /// From a point into a cone.
+    pub spot: u64,
+    /// From a direction.
+    pub directional: u64,
 }
 
 /// `Queued -> Preparing -> Baking -> Assembling -> Done`, or `Failed`, `Cancelled`.

@@ -19,6 +19,7 @@ pub mod plan;
 pub mod probe;
 pub mod scene;
 pub mod segment;
+pub mod sets;
 pub mod settings;
 pub mod texel;
 pub mod tile;
@@ -27,4 +28,4 @@ pub mod wire;
 
 /// A number that changes whenever baked bytes may change. A job pins the version it was created with and is leased only to workers of the
 /// same version, so that the segments of one package never mix two generations of the estimator or the codec.
-pub const BAKE_VERSION: u32 = 2;
+pub const BAKE_VERSION: u32 = 3;

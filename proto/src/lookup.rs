@@ -33,8 +33,9 @@ pub fn footprint(uv: [f32; 2], size: TextureSize) -> Footprint {
     [(at(x0, y0), (1.0 - fx) * (1.0 - fy)), (at(x1, y0), fx * (1.0 - fy)), (at(x0, y1), (1.0 - fx) * fy), (at(x1, y1), fx * fy)]
 }
 
-/// The grid directions around a unit direction in the triangle's frame. A view below the horizon, which a flat triangle's front never has
-/// but for rounding, is taken along it.
+/// The grid directions around a unit direction in the surface's frame at the point that is looked at
+/// ([`SurfaceFrames`](crate::frame::SurfaceFrames)). A view below its horizon is taken along it: on a flat triangle's front that is rounding,
+/// on a smooth surface the silhouette, whose interpolated normals turn away from the eye before its triangles do.
 #[must_use]
 pub fn stencil(grid: SphericalGrid, toward: Vec3) -> Stencil {
     grid.stencil(toward.with_z(toward.z.max(0.0)))

@@ -8,6 +8,9 @@ use std::{fmt, str::FromStr};
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ImportOptions {
+    /// The scene among the files, where several could be it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub main: Option<String>,
     /// Seconds at which animations are evaluated; absent: the rest pose.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub time: Option<f64>,

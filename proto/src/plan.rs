@@ -59,11 +59,11 @@ pub struct SurfacePlan {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ChartSource {
-    /// The author's texture coordinates, which are usable as they are.
+    /// The author's charts, where the author has them or packed anew.
     Author,
-    /// One chart per flat polygon, packed on shelves.
+    /// A chart for each plane of neighbouring polygons, packed.
     Polygons,
-    /// Charts of neighbouring triangles, found and packed automatically.
+    /// Charts of neighbouring triangles, flattened and packed.
     Atlas,
     /// Each part laid out by itself, then packed together.
     Parts,

@@ -8,18 +8,20 @@
 //! would bake centres that lie beside the surface.
 
 use crate::{
-    frame::{Frame, FrameRule},
+    frame::{Frame, FrameRule, SurfaceFrames},
     plan::SurfacePlan,
     scene::{Scene, Surface},
+    sets::DisjointSets,
     tile::{Cell, TILE_SIDE},
 };
 use glam::{DVec2, DVec3, Vec3};
+use std::collections::HashMap;
 
 /// Texels around a chart that borrow its light.
 pub const GUTTER: i64 = 2;
 /// Slack of the inside test, in barycentric units: a centre on an edge is inside.
 const EDGE: f64 = 1e-9;
-/// Neighbouring triangles join a texel's footprint when their normals agree to this cosine.
+/// Neighbouring triangles join a texel's footprint when the normals of their planes agree to this cosine.
 const COPLANAR: f32 = 0.999_9;
 
 /// A covered texel.
@@ -33,9 +35,9 @@ pub struct Texel {
     pub triangle: u32,
     /// The world position of its centre, metres.
     pub position: Vec3,
-    /// Its frame.
+    /// Its frame: that of its centre.
     pub frame: Frame,
-    /// Coplanar triangles of the same chart that its square touches, its own first.
+    /// Triangles of the same chart that its square touches and that go on flat or smoothly from its own, which is the first.
     near: Vec<u32>,
 }
 
@@ -105,7 +107,9 @@ pub struct SurfaceRaster {
     corners: Vec<[DVec3; 3]>,
     charts: Vec<u32>,
     flats: Vec<Flat>,
-    frames: Vec<Option<Frame>>,
+    frames: SurfaceFrames,
+    /// Which triangles go on smoothly into each other, by a number that they share; empty for a surface that is flat in each triangle.
+    joined: Vec<u32>,
     width: u32,
     height: u32,
     /// Triangles whose box, grown by the gutter, touches a cell: `bins[starts[c]..starts[c + 1]]`, ascending.
@@ -121,10 +125,22 @@ impl SurfaceRaster {
         let (width, height) = (plan.size.width, plan.size.height);
         let flats: Vec<Flat> = plan.uv.iter().map(|uv| Flat::new(*uv, f64::from(width), f64::from(height))).collect();
         let corners: Vec<[DVec3; 3]> = surface.triangles.iter().map(|t| scene.corners(t)).collect();
-        let frame = |(p, uv): (&[DVec3; 3], &[[f32; 2]; 3])| Frame::of_triangle(*p, uv.map(|c| c.map(f64::from)), rule);
-        let frames = corners.iter().zip(&plan.uv).map(frame).collect();
+        let frames = SurfaceFrames::new(scene, surface, plan, rule);
+        let joined = if frames.is_smooth() { smooth_groups(scene, surface, plan) } else { vec![] };
         let (starts, bins) = bin(&flats, width, height);
-        Self { corners, charts: plan.charts.clone(), flats, frames, width, height, starts, bins }
+        Self { corners, charts: plan.charts.clone(), flats, frames, joined, width, height, starts, bins }
+    }
+
+    /// The frame at a point of the surface; `None` on a triangle without area.
+    #[must_use]
+    pub fn frame(&self, point: &SurfacePoint) -> Option<Frame> {
+        self.frames.at(point.triangle, point.bary.map(f64::from))
+    }
+
+    /// The normal of a triangle's plane; `None` for a triangle without area.
+    #[must_use]
+    pub fn geometric_normal(&self, triangle: u32) -> Option<Vec3> {
+        self.frames.geometric_normal(triangle)
     }
 
     /// Cells along u.
@@ -147,7 +163,7 @@ impl SurfaceRaster {
     /// The triangle under a texel's centre and the barycentric weights there.
     fn owner(&self, x: u32, y: u32) -> Option<(u32, DVec2)> {
         let centre = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
-        let usable = |t: &u32| self.frames[*t as usize].is_some();
+        let usable = |t: &u32| self.frames.geometric_normal(*t).is_some();
         self.candidates(x, y).iter().filter(|t| usable(t)).find_map(|t| Some((*t, self.flats[*t as usize].inside(centre)?)))
     }
 
@@ -155,15 +171,15 @@ impl SurfaceRaster {
     #[must_use]
     pub fn texel(&self, x: u32, y: u32) -> Option<Texel> {
         let (triangle, bary) = self.owner(x, y)?;
-        let frame = self.frames[triangle as usize]?;
+        let (frame, normal) = (self.frames.at(triangle, bary.to_array())?, self.frames.geometric_normal(triangle)?);
         let (low, high) = (DVec2::new(f64::from(x), f64::from(y)), DVec2::new(f64::from(x) + 1.0, f64::from(y) + 1.0));
         let joins = |t: u32| {
-            let (flat, other) = (&self.flats[t as usize], self.frames[t as usize]);
+            let flat = &self.flats[t as usize];
             t != triangle
                 && self.charts[t as usize] == self.charts[triangle as usize]
                 && flat.low.cmplt(high).all()
                 && flat.high.cmpgt(low).all()
-                && other.is_some_and(|o| o.normal.dot(frame.normal) > COPLANAR)
+                && self.frames.geometric_normal(t).is_some_and(|o| o.dot(normal) > COPLANAR || self.is_smooth_between(t, triangle))
         };
         let near = std::iter::once(triangle).chain(self.candidates(x, y).iter().copied().filter(|t| joins(*t))).collect();
         Some(Texel { x, y, triangle, position: self.position(triangle, bary), frame, near })
@@ -208,6 +224,10 @@ impl SurfaceRaster {
         rows
     }
 
+    fn is_smooth_between(&self, a: u32, b: u32) -> bool {
+        self.joined.get(a as usize).is_some_and(|group| *group == self.joined[b as usize])
+    }
+
     fn point(&self, triangle: u32, bary: DVec2) -> SurfacePoint {
         SurfacePoint { triangle, bary: [bary.x as f32, bary.y as f32], position: self.position(triangle, bary) }
     }
@@ -226,6 +246,27 @@ fn nearest(x: i64, y: i64, is_covered: &impl Fn(i64, i64) -> bool) -> Option<(u3
     let square = (-GUTTER..=GUTTER).flat_map(|dy| (-GUTTER..=GUTTER).map(move |dx| (dx, dy)));
     let (_, sy, sx) = square.filter(|(dx, dy)| is_covered(x + dx, y + dy)).map(|(dx, dy)| (dx * dx + dy * dy, y + dy, x + dx)).min()?;
     Some((sx as u32, sy as u32))
+}
+
+/// Numbers triangles so that those share one that are connected over edges where positions, texture coordinates and normals agree: the texture
+/// goes on there, and so does the frame.
+fn smooth_groups(scene: &Scene, surface: &Surface, plan: &SurfacePlan) -> Vec<u32> {
+    type Corner = (u32, [u32; 2], [i32; 3]);
+    let mut sets = DisjointSets::new(surface.triangles.len());
+    // Looked up, never iterated: the order of hashing cannot matter.
+    let mut edges: HashMap<(u32, Corner, Corner), u32> = HashMap::new();
+    for (t, triangle) in surface.triangles.iter().enumerate() {
+        let corner = |k: usize| -> Corner {
+            // Steps of 1/256: normals that were computed twice differ in their last bits.
+            let normal = scene.normals[surface.normals[t][k] as usize].map(|n| (n * 256.0).round() as i32);
+            (triangle.corners[k], plan.uv[t][k].map(f32::to_bits), normal)
+        };
+        for (a, b) in [(0, 1), (1, 2), (2, 0)].map(|(i, j)| (corner(i), corner(j))) {
+            let first = *edges.entry((plan.charts[t], a.min(b), a.max(b))).or_insert(t as u32);
+            sets.join(first, t as u32);
+        }
+    }
+    (0..surface.triangles.len() as u32).map(|t| sets.first(t)).collect()
 }
 
 fn bin(flats: &[Flat], width: u32, height: u32) -> (Vec<usize>, Vec<u32>) {
@@ -326,5 +367,32 @@ mod tests {
         assert_eq!(share(&plan), 64, "the diagonal runs through the texel, both halves count");
         plan.charts = vec![0, 1];
         assert!(share(&plan) < 64, "another chart is another surface in the texture");
+    }
+
+    #[test]
+    fn smooth_triangles_join_where_they_bend_and_frames_turn_within_a_texel() {
+        // The square is folded along its diagonal; normals lean toward each other as far as its smooth surface has them equal there.
+        let (mut scene, plan) = square(FULL, 4, 4);
+        scene.positions[3] = [0.0, 1.0, 0.5];
+        scene.normals = [[0.3, -0.3, 1.0], [0.0, 0.0, 1.0], [0.3, -0.3, 1.0], [0.5, -0.5, 1.0]]
+            .map(|n| Vec3::from_array(n).normalize().to_array())
+            .to_vec();
+        let shares = |scene: &Scene| {
+            let raster = SurfaceRaster::new(scene, &scene.surfaces[0], &plan, FrameRule::Texture);
+            let texel = raster.texel(1, 1).unwrap();
+            let points: Vec<SurfacePoint> =
+                (0..64).filter_map(|k| raster.footprint(&texel, (k % 8) as f32 / 8.0 + 0.06, (k / 8) as f32 / 8.0 + 0.01)).collect();
+            let normals: Vec<Vec3> = points.iter().map(|p| raster.frame(p).unwrap().normal).collect();
+            (points.len(), normals.iter().map(|n| n.distance(texel.frame.normal)).fold(0.0, f32::max))
+        };
+        let (flat, _) = shares(&scene);
+        assert!(flat < 64, "a fold is an edge on a flat surface");
+        scene.surfaces[0].normals = scene.surfaces[0].triangles.iter().map(|t| t.corners).collect();
+        let (joined, turn) = shares(&scene);
+        assert!(joined == 64 && turn > 0.01 && turn < 0.2, "{joined} {turn}");
+        // Another normal at one end of the fold: a hard edge.
+        scene.normals.push([0.0, 0.0, 1.0]);
+        scene.surfaces[0].normals[1][0] = 4;
+        assert_eq!(shares(&scene).0, flat);
     }
 }

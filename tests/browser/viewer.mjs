@@ -54,14 +54,14 @@ async function hiddenFragments(page) {
     viewer.resetCamera();
     const charts = () => viewer.renderFloats('radiance', 320, 240).filter((_, i) => i % 4 === 3);
     const once = charts();
-    const views = viewer.stage.object.surfaces;
-    for (const { mesh } of views) Object.assign(mesh.material, { blending: 5, blendEquation: 100, blendSrc: 201, blendDst: 201 });
+    const meshes = viewer.stage.object.surfaces.flatMap((view) => view.meshes);
+    for (const { mesh } of meshes) Object.assign(mesh.material, { blending: 5, blendEquation: 100, blendSrc: 201, blendDst: 201 });
     const overdrawn = () => charts().reduce((count, chart, i) => count + (chart === once[i] ? 0 : 1), 0);
     const withPrepass = overdrawn();
-    for (const { group } of views) group.children[0].visible = false;
+    for (const { depth } of meshes) depth.visible = false;
     const without = overdrawn();
-    for (const { group, mesh } of views) {
-      group.children[0].visible = true;
+    for (const { depth, mesh } of meshes) {
+      depth.visible = true;
       mesh.material.blending = 1;
     }
     return [withPrepass, without];

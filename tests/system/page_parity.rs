@@ -12,6 +12,7 @@
 use crate::{
     browser::{GPUS, Script},
     harness::{View, bake_room},
+    made::{ball, make_package, square},
 };
 use glam::Vec3;
 use kiln_coordinator::preview::{Camera, Light, Mode, Origin, PackageFiles, PictureSize, render};
@@ -24,7 +25,7 @@ use kiln_proto::{
     },
     lookup, math,
     plan::Plan,
-    scene::Scene,
+    scene::{Material, Scene},
     settings::RawFormat,
     units::{Rgb, byte_to_radiance},
 };
@@ -33,13 +34,23 @@ use tempfile::TempDir;
 
 const SIZE: (u32, u32) = (320, 240);
 
+/// Eye and target.
+type Look = (Vec3, Vec3);
+
 /// From outside, along the walls, at grazing angles, and close to the glossy floor.
-const CAMERAS: [(Vec3, Vec3); 5] = [
+const ROOM: [Look; 5] = [
     (Vec3::new(16.3, 17.2, 16.3), Vec3::new(5.0, 3.7, 5.0)),
     (Vec3::new(9.0, 3.0, 9.0), Vec3::new(2.0, 1.5, 2.0)),
     (Vec3::new(5.0, 0.4, 9.5), Vec3::new(5.0, 0.0, 2.0)),
     (Vec3::new(1.5, 1.2, 8.0), Vec3::new(8.0, 2.0, 1.0)),
     (Vec3::new(0.3, 4.0, 9.0), Vec3::new(3.0, 1.0, 0.5)),
+];
+/// A ball from three sides, and so near that its facets fill the view.
+const BALL: [Look; 4] = [
+    (Vec3::new(0.5, 1.0, 4.0), Vec3::ZERO),
+    (Vec3::new(-3.0, -0.5, 0.2), Vec3::ZERO),
+    (Vec3::new(0.3, 3.5, -0.4), Vec3::ZERO),
+    (Vec3::new(0.9, 0.9, 0.9), Vec3::new(0.2, 0.1, 0.6)),
 ];
 const FOV: f32 = 45.0;
 
@@ -131,8 +142,7 @@ impl Reference {
     }
 
     /// What the renderer sees in each pixel: `within` x `within` rays.
-    fn picture(&self, package: &Path, origin: Origin, camera: usize, within: u32) -> Vec<Expected> {
-        let (eye, target) = CAMERAS[camera];
+    fn picture(&self, package: &Path, origin: Origin, (eye, target): Look, within: u32) -> Vec<Expected> {
         let size = PictureSize::new(SIZE.0 * within, SIZE.1 * within).unwrap();
         let files = Files(package);
         let mut light = Light::new(&files, &self.scene, &self.plan, origin, Trust::Hashed);
@@ -221,16 +231,22 @@ fn floats(path: &Path) -> Vec<[f32; 4]> {
     bytes.as_chunks::<16>().0.iter().map(|p| std::array::from_fn(|c| f32::from_le_bytes(p.as_chunks::<4>().0[c]))).collect()
 }
 
+/// Bakes the room and compares it.
+fn compare_room(gpu: &str, raw: &str, within: u32) {
+    let dir = TempDir::new().unwrap();
+    let package = dir.path().join("room");
+    bake_room(&package, &["--directions", "20x20", "--raw", raw]);
+    compare_on(gpu, &package, &ROOM, within);
+}
+
 /// Runs the page on `gpu` and compares every scheme: at most one level with exact filtering, two where the GPU filters. Pictures are compared with
 /// `within` x `within` rays a pixel: one where the GPU places exactly what it draws.
-fn compare_on(gpu: &str, raw: &str, within: u32) {
+fn compare_on(gpu: &str, package: &Path, looks: &[Look], within: u32) {
     let dir = TempDir::new().unwrap();
-    let (package, out) = (dir.path().join("room"), dir.path().join("out"));
-    fs::create_dir(&out).unwrap();
-    bake_room(&package, &["--directions", "20x20", "--raw", raw]);
-    let (view, reference) = (View::start(&package), Reference::open(&package));
-    let camera = |(eye, target): &(Vec3, Vec3)| serde_json::json!({"eye": eye.to_array(), "target": target.to_array(), "fov": FOV});
-    let cameras = serde_json::Value::from(CAMERAS.iter().map(camera).collect::<Vec<_>>()).to_string();
+    let out = dir.path();
+    let (view, reference) = (View::start(package), Reference::open(package));
+    let camera = |(eye, target): &Look| serde_json::json!({"eye": eye.to_array(), "target": target.to_array(), "fov": FOV});
+    let cameras = serde_json::Value::from(looks.iter().map(camera).collect::<Vec<_>>()).to_string();
     let (width, height) = (SIZE.0.to_string(), SIZE.1.to_string());
     let script = Script::start("parity.mjs", [&view.url, gpu, out.to_str().unwrap(), &width, &height, &cameras]);
     let (mut report, mut bad, mut pictures) = (String::new(), false, BTreeMap::new());
@@ -239,15 +255,15 @@ fn compare_on(gpu: &str, raw: &str, within: u32) {
         let (scheme, filter) = (said["scheme"].as_str().unwrap(), said["filter"].as_str().unwrap());
         let origin = if scheme == "raw" { Origin::Raw } else { Origin::Codec };
         let allowed = if filter == "exact" { 1.0 } else { 2.0 };
-        for camera in 0..CAMERAS.len() {
+        for (camera, look) in looks.iter().enumerate() {
             let file = |what: &str| floats(&out.join(format!("{scheme}-{filter}-{camera}.{what}")));
             let page = file("radiance");
             let found = reference.compare_lookups(origin, &page, &file("lookup"));
             let expected =
-                pictures.entry((origin == Origin::Raw, camera)).or_insert_with(|| reference.picture(&package, origin, camera, within));
+                pictures.entry((origin == Origin::Raw, camera)).or_insert_with(|| reference.picture(package, origin, *look, within));
             let shown = compare_pictures(expected, &page);
             let line = format!(
-                "{gpu} {raw} {scheme} {filter} camera {camera}: look-ups: {} pixels, largest difference {:.3}, mean {:.4}; \
+                "{gpu} {scheme} {filter} camera {camera}: look-ups: {} pixels, largest difference {:.3}, mean {:.4}; \
                  picture: largest {:.3}, mean {:.4}, {} off by more than one, {} of {} pixels at edges\n",
                 found.compared,
                 found.max,
@@ -267,21 +283,36 @@ fn compare_on(gpu: &str, raw: &str, within: u32) {
             bad |= shown.edges * 50 > (shown.edges + shown.compared) * within as usize;
         }
     }
-    assert_eq!(report.lines().count(), 5 * CAMERAS.len(), "{report}");
+    assert_eq!(report.lines().count(), 5 * looks.len(), "{report}");
     assert!(!bad, "{report}");
 }
 
 #[test]
 fn page_and_reference_agree_on_swiftshader() {
-    compare_on(GPUS[0], "u8", 5);
+    compare_room(GPUS[0], "u8", 5);
 }
 
 #[test]
 fn page_and_reference_agree_on_llvmpipe() {
-    compare_on(GPUS[1], "u8", 1);
+    compare_room(GPUS[1], "u8", 1);
 }
 
 #[test]
 fn page_and_reference_agree_on_linear_raw_radiance() {
-    compare_on(GPUS[1], "f32", 1);
+    compare_room(GPUS[1], "f32", 1);
+}
+
+/// Normals and tangents are interpolated in the shader as in the reference: highlights of a coarse ball show any difference.
+#[test]
+fn page_and_reference_agree_on_smooth_surfaces() {
+    let dir = TempDir::new().unwrap();
+    let package = dir.path().join("ball");
+    let mut scene = Scene { materials: vec![Material::matt("gloss", Rgb::splat(0.5))], ..Scene::empty() };
+    let (ball, wall) = (ball(&mut scene, "ball", 0, [0.0; 3], 1.0, 6), square(&mut scene, "wall", 0, [0.0, 0.0, -1.5], 2.0));
+    scene.surfaces = vec![ball, wall];
+    make_package(&package, &scene, "20x20", |_, texel, toward| {
+        let gloss = (0..4).fold(1.0, |product: f32, _| product * toward.dot(Vec3::new(0.6, 0.64, 0.48)).max(0.0));
+        [0.05 + gloss, 0.2 + 0.5 * texel.frame.normal.y, 0.4 + 0.3 * toward.x].map(|v| v.clamp(0.0, 1.0))
+    });
+    compare_on(GPUS[1], &package, &BALL, 1);
 }

@@ -111,7 +111,7 @@ fn view_sees_when_the_package_has_changed() {
     std::fs::rename(&other, &folder).unwrap();
     assert_ne!(tag(), before);
     let manifest = std::fs::read_to_string(folder.join("manifest.json")).unwrap();
-    std::fs::write(folder.join("manifest.json"), manifest.replacen("\"schema\": 1", "\"schema\": 12", 1)).unwrap();
+    std::fs::write(folder.join("manifest.json"), manifest.replacen("\"schema\": 2", "\"schema\": 12", 1)).unwrap();
     let said = raw(url, "/package/surfaces/floor.mtnc", "localhost");
     assert!(said.starts_with("HTTP/1.1 404") && said.contains("schema version 12"), "{said}");
     fail(1, &["schema version 12"], ["view", folder.to_str().unwrap()]);

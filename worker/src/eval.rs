@@ -5,12 +5,18 @@
 
 use crate::{
     capture::Points,
-    capture::hemisphere::{Budget, Scratch, Site, Views, capture},
+    capture::hemisphere::{Budget, Scratch, Views, capture},
+    capture::site::Site,
     sampling::TexelKey,
     scene::BakeScene,
 };
 use glam::{DVec3, Vec3};
-use kiln_proto::{frame::Frame, settings::BakeSettings, texel::SurfacePoint, units::Rgb};
+use kiln_proto::{
+    frame::{Frame, FrameRule, corner_normals},
+    settings::BakeSettings,
+    texel::SurfacePoint,
+    units::Rgb,
+};
 use rayon::prelude::*;
 
 /// How far from its surface a position may lie, relative to the scene's largest extent.
@@ -77,10 +83,7 @@ fn answer(
 ) -> Result<Answer, QueryError> {
     let toward = query.direction.try_normalize().filter(|_| query.position.is_finite()).ok_or(QueryError::NotADirection)?;
     let (surface, point) = locate(scene, query)?;
-    let triangle = &scene.scene().surfaces[surface].triangles[point.triangle as usize];
-    let uv = scene.scene().surfaces[surface].uv(0, point.triangle as usize).unwrap_or_default().map(|c| c.map(f64::from));
-    let frame = Frame::of_triangle(scene.scene().corners(triangle), uv, settings.frame)
-        .unwrap_or(scene.prim(scene.prim_of(surface, point.triangle)).frame);
+    let frame = frame_at(scene, surface, &point, settings.frame);
     let wo = frame.to_local(toward);
     if wo.z <= 0.0 {
         return Ok(Answer { radiance: Rgb::BLACK, stderr: Rgb::BLACK });
@@ -97,6 +100,20 @@ fn answer(
         moments.add(out[0]);
     }
     Ok(moments.answer())
+}
+
+/// The frame at a point. There is no layout here, so the tangent is that of the triangle in the author's coordinates: it only turns the grid
+/// of directions that the samples are drawn for, never what is asked.
+fn frame_at(scene: &BakeScene, surface: usize, point: &SurfacePoint, rule: FrameRule) -> Frame {
+    let (canonical, triangle) = (scene.scene(), point.triangle as usize);
+    let of = &canonical.surfaces[surface];
+    let uv = of.uv(0, triangle).unwrap_or_default().map(|c| c.map(f64::from));
+    let flat = Frame::of_triangle(canonical.corners(&of.triangles[triangle]), uv, rule)
+        .unwrap_or(scene.prim(scene.prim_of(surface, point.triangle)).frame);
+    let Some([a, b, c]) = corner_normals(canonical, of, triangle) else { return flat };
+    let [second, third] = point.bary.map(f64::from);
+    let normal = (a * (1.0 - second - third) + b * second + c * third).normalize();
+    if rule == FrameRule::Thesis { Frame::thesis(normal) } else { Frame::oriented(normal, flat.tangent.as_dvec3()) }
 }
 
 /// A 64-bit name of a position.

@@ -9,7 +9,7 @@ use kiln_proto::{
     frame::FrameRule,
     ids::SceneHash,
     plan::{ChartSource, PLAN_VERSION, Plan, PlannedTile, SurfacePlan},
-    scene::{Lobe, Material, Phong, Reflection, Scene, Surface, Triangle},
+    scene::{Lobe, Material, MetallicRoughness, Phong, Reflection, Scene, Surface, Triangle},
     settings::{BakeSettings, SettingsPatch, TextureSize},
     texel::SurfaceRaster,
     tile::Cell,
@@ -20,6 +20,48 @@ use std::{collections::BTreeMap, path::PathBuf};
 /// A file of the project's `tests` folder.
 pub(crate) fn test_file(name: &str) -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../tests").join(name)
+}
+
+/// A table of a reference: comma-separated, with a line of names.
+pub(crate) struct Table {
+    names: Vec<String>,
+    lines: Vec<Vec<String>>,
+}
+
+/// A line of a [`Table`].
+pub(crate) struct Line<'a>(&'a Table, usize);
+
+impl Table {
+    /// Reads a file of the project's `tests` folder.
+    pub(crate) fn read(name: &str) -> Self {
+        let text = std::fs::read_to_string(test_file(name)).unwrap();
+        let mut lines = text.lines().map(|l| l.split(',').map(str::to_owned).collect::<Vec<String>>());
+        Self { names: lines.next().unwrap(), lines: lines.collect() }
+    }
+
+    /// Its lines in order.
+    pub(crate) fn rows(&self) -> impl Iterator<Item = Line<'_>> {
+        (0..self.lines.len()).map(|k| Line(self, k))
+    }
+}
+
+impl Line<'_> {
+    /// A cell as it is.
+    pub(crate) fn text(&self, column: &str) -> &str {
+        let at = self.0.names.iter().position(|n| n == column).unwrap();
+        &self.0.lines[self.1][at]
+    }
+
+    /// A cell as a number.
+    pub(crate) fn number(&self, column: &str) -> f32 {
+        self.text(column).parse().unwrap()
+    }
+
+    /// Three cells: `NAME_x`, `NAME_y`, `NAME_z`, or with r, g, b.
+    pub(crate) fn vector(&self, name: &str) -> glam::Vec3 {
+        let letters = if self.0.names.iter().any(|n| *n == format!("{name}_x")) { ["x", "y", "z"] } else { ["r", "g", "b"] };
+        glam::Vec3::from_array(letters.map(|l| self.number(&format!("{name}_{l}"))))
+    }
 }
 
 /// Processor seconds that this thread has used (wall time is worth little on a shared machine), or wall time where the system does not say.
@@ -43,6 +85,16 @@ pub(crate) fn phong(kd: f32, ks: f32, exponent: f32) -> Material {
 /// A mirror over a diffuse base.
 pub(crate) fn mirror(kd: f32, ks: f32, ke: f32) -> Material {
     specular(kd, ks, Lobe::Mirror).emitting(Rgb::splat(ke))
+}
+
+/// A material of glTF's appendix B.
+pub(crate) fn appendix_b(base: [f32; 3], metallic: f32, roughness: f32) -> MetallicRoughness {
+    MetallicRoughness::plain(Rgb::from(base), metallic, roughness)
+}
+
+/// A material that reflects so.
+pub(crate) fn rough(m: MetallicRoughness) -> Material {
+    Material::new("m", Reflection::MetallicRoughness(m))
 }
 
 fn specular(kd: f32, ks: f32, lobe: Lobe) -> Material {
@@ -180,4 +232,25 @@ pub(crate) fn plan(scene: &Scene, settings: &BakeSettings) -> Plan {
     let surfaces = scene.surfaces.iter().map(layout).collect();
     let scene = SceneHash::of(&scene.to_bytes().unwrap());
     Plan { version: PLAN_VERSION, bake_version: BAKE_VERSION, scene, settings: settings.clone(), surfaces, probe: None }
+}
+
+/// Adds the back of a surface, of another material.
+pub(crate) fn add_back(scene: &mut Scene, front: usize, material: Material) {
+    let mut back = scene.surfaces[front].clone();
+    back.name = format!("{}~back", back.name);
+    back.file_stem = back.name.clone();
+    back.back_of = Some(front as u32);
+    let turn = |c: &mut [u32; 3]| c.swap(1, 2);
+    back.triangles.iter_mut().for_each(|t| turn(&mut t.corners));
+    back.uv_sets.iter_mut().flatten().flatten().for_each(|c| c.swap(1, 2));
+    back.colors.iter_mut().for_each(turn);
+    let first = scene.normals.len() as u32;
+    let reversed: Vec<[f32; 3]> = scene.normals.iter().map(|n| n.map(|v| -v)).collect();
+    if !back.normals.is_empty() {
+        scene.normals.extend(reversed);
+        back.normals.iter_mut().for_each(|c| *c = [c[0] + first, c[2] + first, c[1] + first]);
+    }
+    back.parts[0].material = scene.materials.len() as u32;
+    scene.materials.push(material);
+    scene.surfaces.push(back);
 }

@@ -12,6 +12,7 @@ use crate::{
 };
 use kiln_proto::{
     ids::SceneHash,
+    options::ImportOptions,
     plan::Plan,
     probe::ProbeSums,
     scene::Scene,
@@ -80,7 +81,7 @@ pub trait Pipeline: Send + Sync + 'static {
     ///
     /// # Errors
     /// Everything that is wrong with it.
-    fn import(&self, files: Vec<(String, PathBuf)>, scratch: &Path) -> Result<Imported, Vec<Problem>>;
+    fn import(&self, files: Vec<(String, PathBuf)>, options: &ImportOptions, scratch: &Path) -> Result<Imported, Vec<Problem>>;
 
     /// Lays surfaces out and cuts them into tiles.
     ///
@@ -130,10 +131,10 @@ pub trait Pipeline: Send + Sync + 'static {
 pub struct Kiln;
 
 impl Pipeline for Kiln {
-    fn import(&self, files: Vec<(String, PathBuf)>, scratch: &Path) -> Result<Imported, Vec<Problem>> {
+    fn import(&self, files: Vec<(String, PathBuf)>, options: &ImportOptions, scratch: &Path) -> Result<Imported, Vec<Problem>> {
         let parts = files.into_iter().map(|(name, path)| Part { name, content: Content::File(path) }).collect();
-        let bundle = Bundle::from_parts(parts, None, scratch).map_err(|problem| vec![problem])?;
-        import::import_bundle(&bundle, &kiln_proto::options::ImportOptions::default())
+        let bundle = Bundle::from_parts(parts, options.main.as_deref(), scratch).map_err(|problem| vec![problem])?;
+        import::import_bundle(&bundle, options)
     }
 
     fn plan(&self, scene: &Scene, hash: SceneHash, settings: &BakeSettings) -> Result<(Plan, Vec<Problem>), Problem> {

@@ -10,17 +10,18 @@ use crate::{
 use kiln_proto::{
     ids::{Digest, SceneHash},
     limits,
+    options::ImportOptions,
 };
 use std::{path::PathBuf, time::Duration};
 use tempfile::TempPath;
 use uuid::Uuid;
 
 impl Engine {
-    /// Stores an uploaded scene and queues its import. The files are moved, also where this fails.
+    /// Stores an uploaded scene and queues its import with these options. The files are moved, also where this fails.
     ///
     /// # Errors
-    /// No file at all, too many, names that leave the scene's folder, or a full disk.
-    pub async fn add_scene(&self, files: Vec<UploadedFile>) -> Result<SceneRecord, EngineError> {
+    /// Options out of range, no file at all, too many, names that leave the scene's folder, or a full disk.
+    pub async fn add_scene(&self, files: Vec<UploadedFile>, options: ImportOptions) -> Result<SceneRecord, EngineError> {
         let mut problems = Vec::new();
         let mut staged = Vec::with_capacity(files.len());
         for file in files {
@@ -28,6 +29,9 @@ impl Engine {
                 problems.push(Problem { message: bad.to_string(), file: Some(file.name.clone()), line: None });
             }
             staged.push((file.name, adopt(file.path)?));
+        }
+        if let Err(bad) = options.check() {
+            problems.push(Problem { message: bad.to_string(), file: None, line: None });
         }
         if staged.is_empty() {
             problems.push(Problem { message: "the upload holds no file".into(), file: None, line: None });
@@ -46,7 +50,7 @@ impl Engine {
             self.core.blobs.put_file(blob, path).await?;
             stored.push(StoredFile { name, blob });
         }
-        let row = self.core.store.add_scene(Uuid::now_v7(), &stored, self.now()).await?;
+        let row = self.core.store.add_scene(Uuid::now_v7(), &stored, &options, self.now()).await?;
         self.core.signals.tasks.notify_waiters();
         Ok(row.record)
     }

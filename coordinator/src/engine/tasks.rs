@@ -63,8 +63,8 @@ pub(super) async fn import(core: &Arc<Core>, id: Uuid) -> Result<TaskResult, Eng
         copy(core, file.blob, &local).await?;
         files.push((file.name.clone(), local));
     }
-    let pipeline = Arc::clone(&core.pipeline);
-    let imported = blocking(move || pipeline.import(files, scratch.path())).await?;
+    let (pipeline, options) = (Arc::clone(&core.pipeline), row.record.options);
+    let imported = blocking(move || pipeline.import(files, &options, scratch.path())).await?;
     let imported = match imported {
         Ok(imported) => imported,
         Err(problems) => return Ok(TaskResult::Rejected(problems)),

@@ -4,6 +4,7 @@ use super::{
     App,
     catalogue::Kind,
     extract::{self, Query},
+    import_query::upload_query,
     jobs,
     problem::{Answer, Failure},
     scenes,
@@ -16,23 +17,22 @@ use axum::{
     http::{HeaderName, StatusCode, header},
 };
 use kiln_proto::settings::SettingsPatch;
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 use std::collections::BTreeMap;
-use utoipa::{IntoParams, ToSchema};
+use utoipa::ToSchema;
 
-/// Query of a bake.
-#[derive(Debug, Deserialize, IntoParams)]
-#[serde(deny_unknown_fields)]
-#[into_params(parameter_in = Query)]
-pub(super) struct BakeQuery {
-    /// Name of the file when the body is a single one, such as `room.obj`.
-    pub name: Option<String>,
-    /// Settings as JSON (schema SettingsPatch), where no part `settings` gives them.
-    #[param(example = r#"{"preset":"draft"}"#)]
-    pub settings: Option<String>,
-    /// Higher goes first.
-    #[serde(default)]
-    pub priority: i32,
+upload_query! {
+    /// Query of a bake.
+    BakeQuery {
+        /// Name of the file when the body is a single one, such as `room.obj`.
+        name: Option<String>,
+        /// Settings as JSON (schema SettingsPatch), where no part `settings` gives them.
+        #[param(example = r#"{"preset":"draft"}"#)]
+        settings: Option<String>,
+        /// Higher goes first.
+        #[serde(default)]
+        priority: i32,
+    }
 }
 
 /// What a bake began.
@@ -57,6 +57,7 @@ pub(super) async fn create(
     request: Request,
 ) -> Answer<(StatusCode, [(HeaderName, String); 1], Json<Bake>)> {
     // What the query says is judged before gigabytes are read.
+    let options = query.options()?;
     let given = query.settings.as_deref().map(|text| parse(text.as_bytes())).transpose()?;
     let mut upload = Upload::receive(&app.engine, request, query.name.as_deref()).await?;
     let part = upload.settings.take().map(|json| parse(&json)).transpose()?;
@@ -64,7 +65,7 @@ pub(super) async fn create(
         return Err(Failure::new(Kind::InvalidRequest, "settings come both in the query and in a part; say them once").field("settings"));
     }
     let settings = given.or(part).unwrap_or_default();
-    let scene = scenes::import(&app.engine, upload).await?;
+    let scene = scenes::import(&app.engine, upload, options).await?;
     let new = NewJob { scene: scene.id.to_string(), settings, priority: query.priority, labels: BTreeMap::new() };
     let job = app.engine.create_job(new).await?;
     Ok((StatusCode::CREATED, [(header::LOCATION, jobs::location(job.id))], Json(Bake { scene, job })))

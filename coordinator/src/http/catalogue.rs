@@ -65,7 +65,7 @@ kinds! {
         "There is no file in the upload, or all its files are empty."
         "Send at least one file with content; in multipart each part needs a filename.";
     BadFileName "bad-file-name" UNPROCESSABLE_ENTITY "A file name is not allowed"
-        "Names are relative paths with forward slashes, without `.`, `..`, drive letters, control characters or repetitions."
+        "Names are relative paths without `..`, drive letters or control characters; no two may be the same but for case."
         "Send the path that the scene uses for the file, such as `textures/wood.png`.";
     TooLarge "too-large" PAYLOAD_TOO_LARGE "The body is too large"
         "The body exceeds what this call accepts; `detail` names the limit."

@@ -13,6 +13,7 @@ mod conditional;
 mod events;
 mod extract;
 mod health;
+mod import_query;
 mod index;
 mod jobs;
 mod layers;

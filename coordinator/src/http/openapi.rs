@@ -6,7 +6,7 @@
 use super::{
     archive, assets, bakes,
     catalogue::Kind,
-    events, health, index, jobs, live, metrics, page, preview, problem,
+    events, health, import_query, index, jobs, live, metrics, page, preview, problem,
     routes::{Route, Routes},
     scenes, settings_schema, tiles, worker_protocol, workers,
 };
@@ -63,6 +63,8 @@ fn complete(derived: &utoipa::openapi::OpenApi, routes: &[Route]) -> Value {
     schemas["NewJob"]["additionalProperties"] = false.into();
     schemas["NewJob"]["examples"] = json!([{"scene": "0".repeat(64), "settings": {"preset": "draft"}, "labels": {"project": "atrium"}}]);
     schemas["JobRecord"]["properties"]["settings"] = reference("BakeSettings");
+    schemas["ImportOptions"] = import_query::schema();
+    schemas["SceneRecord"]["properties"]["options"] = reference("ImportOptions");
     schemas["TileRun"] = json!({"type": "object", "description": "The tiles from `start` to before `end`.", "required": ["start", "end"],
         "properties": {"start": {"type": "integer", "minimum": 0}, "end": {"type": "integer", "minimum": 0}}});
     schemas["UnixMillis"] = json!({"type": "integer", "format": "int64", "description": "Milliseconds since 1970-01-01 UTC."});

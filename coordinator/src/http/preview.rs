@@ -47,6 +47,9 @@ const CACHING: &str = "private, max-age=3600";
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 pub(super) struct PictureQuery {
+    /// A camera of the scene, by its name, in the place of `eye`, `target` and `fov`.
+    #[param(example = "Entrance")]
+    pub camera: Option<String>,
     /// Where the eye is, `x,y,z` in metres; by default such that the whole scene is seen.
     #[param(example = "0,1.6,4.5")]
     pub eye: Option<String>,
@@ -76,6 +79,7 @@ pub(super) struct PictureQuery {
 impl PictureQuery {
     fn text(&self, name: &str) -> Option<String> {
         let field = match name {
+            "camera" => &self.camera,
             "eye" => &self.eye,
             "target" => &self.target,
             "fov" => &self.fov,

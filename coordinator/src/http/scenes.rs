@@ -3,6 +3,7 @@
 use super::{
     App,
     extract::{Path, Query},
+    import_query::upload_query,
     problem::{Answer, Failure},
     upload::Upload,
 };
@@ -15,20 +16,18 @@ use axum::{
     extract::{Request, State},
     http::{HeaderName, StatusCode, header},
 };
-use serde::Deserialize;
+use kiln_proto::options::ImportOptions;
 use std::time::Duration;
-use utoipa::IntoParams;
 
 /// How long an upload waits for its import before the answer is 202.
 pub(super) const IMPORT_WAIT: Duration = Duration::from_secs(30);
 
-/// Query of an upload.
-#[derive(Debug, Deserialize, IntoParams)]
-#[serde(deny_unknown_fields)]
-#[into_params(parameter_in = Query)]
-pub(super) struct UploadQuery {
-    /// Name of the file when the body is a single one, such as `room.obj`.
-    pub name: Option<String>,
+upload_query! {
+    /// Query of an upload.
+    UploadQuery {
+        /// Name of the file when the body is a single one, such as `room.obj`.
+        name: Option<String>,
+    }
 }
 
 /// Upload a scene.
@@ -46,8 +45,9 @@ pub(super) async fn create(
     Query(query): Query<UploadQuery>,
     request: Request,
 ) -> Answer<(StatusCode, [(HeaderName, String); 1], Json<SceneRecord>)> {
+    let options = query.options()?;
     let upload = Upload::receive(&app.engine, request, query.name.as_deref()).await?;
-    let scene = import(&app.engine, upload).await?;
+    let scene = import(&app.engine, upload, options).await?;
     let status = if scene.state == SceneState::Ready { StatusCode::CREATED } else { StatusCode::ACCEPTED };
     Ok((status, [(header::LOCATION, format!("/v1/scenes/{}", scene.id))], Json(scene)))
 }
@@ -56,12 +56,12 @@ pub(super) async fn create(
 ///
 /// # Errors
 /// A rejected scene, with every problem found.
-pub(super) async fn import(engine: &Engine, upload: Upload) -> Answer<SceneRecord> {
+pub(super) async fn import(engine: &Engine, upload: Upload, options: ImportOptions) -> Answer<SceneRecord> {
     let rejected = |error| match error {
         EngineError::Invalid(problems) => Failure::scene_rejected(problems),
         other => other.into(),
     };
-    let added = upload.give(|files| engine.add_scene(files)).await.map_err(rejected)?;
+    let added = upload.give(|files| engine.add_scene(files, options)).await.map_err(rejected)?;
     let scene = engine.wait_for_scene(added.id, IMPORT_WAIT).await?;
     if scene.state == SceneState::Rejected { Err(Failure::scene_rejected(scene.problems)) } else { Ok(scene) }
 }

@@ -6,13 +6,15 @@ use super::{
     extract::{JSON_BYTES, media_type},
     problem::{Answer, Failure},
 };
-use crate::engine::{Engine, UploadedFile};
+use crate::{
+    engine::{Engine, UploadedFile},
+    import::bundle::Paths,
+};
 use axum::{
     extract::{FromRequest, Multipart, Request, multipart::Field},
     http::{HeaderMap, header},
 };
 use kiln_proto::limits;
-use std::collections::BTreeSet;
 use tempfile::TempPath;
 
 /// Media types of a single body that are a scene whatever its name.
@@ -62,7 +64,7 @@ impl Upload {
                 "multipart/form-data, or one file as application/zip, model/obj or application/octet-stream, or any type with ?name=";
             return Err(Failure::new(Kind::UnsupportedMediaType, format!("Content-Type says {found}; this call takes {takes}")));
         }
-        name.as_deref().map_or(Ok(()), check_name)?;
+        name.as_deref().map_or(Ok(()), |name| take_name(&mut Paths::default(), name))?;
         let mut stream = request.into_body().into_data_stream();
         let spooled = body::spool(engine, &mut stream, &mut Budget::new(limits::BUNDLE_BYTES)).await?;
         some_content(spooled.length, name.as_deref().into_iter())?;
@@ -75,7 +77,7 @@ impl Upload {
             Failure::new(Kind::InvalidRequest, format!("the multipart body cannot be read: {}", rejection.body_text()))
         })?;
         let (mut files, mut settings, mut total) = (Vec::new(), None, 0);
-        let (mut names, mut budget) = (BTreeSet::new(), Budget::new(limits::BUNDLE_BYTES));
+        let (mut names, mut budget) = (Paths::default(), Budget::new(limits::BUNDLE_BYTES));
         while let Some(mut field) = parts.next_field().await.map_err(|error| Interrupted::from(error).0)? {
             // `curl -F settings=@file.json` sends a filename, `-F 'settings={…}'` none: the part's name decides.
             let name = match field.file_name() {
@@ -85,12 +87,9 @@ impl Upload {
                     continue;
                 }
             };
-            check_name(&name)?;
+            take_name(&mut names, &name)?;
             if files.len() == limits::BUNDLE_FILES {
                 return Err(Failure::new(Kind::TooLarge, format!("more than {} files in one upload", limits::BUNDLE_FILES)));
-            }
-            if !names.insert(name.clone()) {
-                return Err(Failure::new(Kind::BadFileName, format!("the file name `{}` comes twice", name.escape_debug())));
             }
             let spooled = body::spool(engine, &mut field, &mut budget).await?;
             total += spooled.length;
@@ -133,25 +132,11 @@ fn disposition_name(headers: &HeaderMap) -> Option<String> {
     Some(name.trim_matches('"').to_owned())
 }
 
-/// Names are relative, stay in the scene's folder and mean the same on every system.
-fn check_name(name: &str) -> Answer<()> {
-    let reason = if name.is_empty() {
-        "is empty"
-    } else if name.len() > limits::NAME_BYTES {
-        "is too long"
-    } else if name.chars().any(char::is_control) {
-        "has control characters"
-    } else if name.contains('\\') {
-        "has a backslash; use `/` between folders"
-    } else if name.starts_with('/') || name.as_bytes().get(1) == Some(&b':') {
-        "is not relative"
-    } else if name.split('/').any(|part| matches!(part, "" | "." | "..")) {
-        "has an empty, `.` or `..` part"
-    } else {
-        return Ok(());
-    };
+/// Refuses a name that leaves the scene's folder or that another file has, before its bytes come: the rule is that of bundles.
+fn take_name(names: &mut Paths, name: &str) -> Answer<()> {
+    let Err(bad) = names.take(name) else { return Ok(()) };
     let shown: String = name.chars().take(80).flat_map(char::escape_debug).collect();
-    Err(Failure::new(Kind::BadFileName, format!("the file name `{shown}` {reason}")).file(shown))
+    Err(Failure::new(Kind::BadFileName, format!("the file name `{shown}`: {bad}")).file(shown))
 }
 
 #[cfg(test)]
@@ -160,12 +145,14 @@ mod tests {
 
     #[test]
     fn names_that_leave_the_folder_are_refused() {
-        for bad in ["", "/etc/passwd", "../x.obj", "a/../../x", "a//b", "./a", "C:/x", "a\\b", "a\0b", "a\nb", "a/", &"n".repeat(2_000)] {
-            assert_eq!(check_name(bad).unwrap_err().kind(), Kind::BadFileName, "{bad:?}");
+        for bad in ["", "/etc/passwd", "../x.obj", "a/../../x", "a\\..\\..\\x", "C:/x", "a\0b", "a\nb", "./", &"n".repeat(2_000)] {
+            assert_eq!(take_name(&mut Paths::default(), bad).unwrap_err().kind(), Kind::BadFileName, "{bad:?}");
         }
-        for good in ["scene.obj", "textures/wood grain.png", "..a", "tür.obj"] {
-            assert!(check_name(good).is_ok(), "{good}");
+        let mut names = Paths::default();
+        for good in ["scene.obj", "textures/wood grain.png", "textures\\brick.png", "..a", "tür.obj"] {
+            assert!(take_name(&mut names, good).is_ok(), "{good}");
         }
+        assert_eq!(take_name(&mut names, "Scene.OBJ").unwrap_err().kind(), Kind::BadFileName);
     }
 
     #[test]

@@ -11,7 +11,7 @@ use super::{
 use crate::records::Problem;
 use kiln_proto::{
     limits,
-    scene::{Coding, Texture},
+    scene::{AlphaMode, Coding, Texture},
 };
 use std::{borrow::Cow, collections::BTreeMap};
 
@@ -86,6 +86,27 @@ impl Images {
         image
     }
 
+    /// A linear texture made of the texels of another one, under a name that stands for exactly this.
+    pub(super) fn derive(
+        &mut self,
+        name: &str,
+        source: u32,
+        texel: impl Fn(&[u8]) -> [u8; 3],
+        at: At<'_>,
+        findings: &mut Findings,
+    ) -> Option<Image> {
+        let wanted = Wanted { coding: Coding::Linear, alpha: false };
+        if let Some(known) = self.known(name, wanted) {
+            return known;
+        }
+        let from = self.textures.get(source as usize)?;
+        let texels = from.texels.chunks_exact(from.channels()).flat_map(texel).collect();
+        let texture = Texture { name: name.to_owned(), coding: Coding::Linear, has_alpha: false, texels, ..*from };
+        let image = self.keep(Decoded { texture, transparent: false }, None, at, findings);
+        self.images.insert(key(name, wanted), image);
+        image
+    }
+
     /// Puts a texture into the list, or in the place of what it was without alpha.
     fn keep(&mut self, decoded: Decoded, place: Option<u32>, at: At<'_>, findings: &mut Findings) -> Option<Image> {
         let Decoded { texture, transparent } = decoded;
@@ -108,10 +129,48 @@ fn key(name: &str, wanted: Wanted) -> (String, bool) {
     (name.to_owned(), wanted.coding == Coding::Linear)
 }
 
+/// Share of an image's transparent pixels that may be half transparent in an image meant to be cut out.
+const CUT_OUT: usize = 20;
+
 impl Images {
     /// Adds a texture that an importer made itself; transparent where it says so.
     pub(super) fn push(&mut self, texture: Texture, transparent: bool, at: At<'_>, findings: &mut Findings) -> Option<Image> {
         self.keep(Decoded { texture, transparent }, None, at, findings)
+    }
+
+    /// A texture that an importer makes of others, once for each `recipe`; `None` where that failed, which `make` says.
+    pub(super) fn made(
+        &mut self,
+        recipe: &str,
+        at: At<'_>,
+        findings: &mut Findings,
+        make: impl FnOnce(&mut Findings) -> Option<Decoded>,
+    ) -> Option<Image> {
+        // No path has a line break, so a recipe is no file.
+        let key = (format!("made\n{recipe}"), true);
+        if let Some(known) = self.images.get(&key) {
+            return *known;
+        }
+        let image = make(findings).and_then(|decoded| self.keep(decoded, None, at, findings));
+        self.images.insert(key, image);
+        image
+    }
+
+    /// How opacity is meant where a file does not say: a factor below one blends, an image that is nearly all or nothing is cut out at
+    /// `cutoff`, and any other blends.
+    pub(super) fn alpha_mode(&self, factor: f32, image: Option<Image>, cutoff: f32) -> AlphaMode {
+        match image.filter(|i| i.transparent) {
+            _ if factor < 1.0 => AlphaMode::Blend,
+            Some(image) if self.is_cut_out(image) => AlphaMode::Mask { cutoff },
+            Some(_) => AlphaMode::Blend,
+            None => AlphaMode::Opaque,
+        }
+    }
+
+    fn is_cut_out(&self, image: Image) -> bool {
+        let texture = &self.textures[image.id as usize];
+        let alphas = || texture.texels.chunks_exact(4).map(|p| p[3]).filter(|a| *a < 255);
+        texture.has_alpha && alphas().filter(|a| (16..240).contains(a)).count() * CUT_OUT <= alphas().count()
     }
 }
 
@@ -152,5 +211,20 @@ mod tests {
         }
         let errors = findings.into_errors("s");
         assert_eq!((errors.len(), errors[0].line), (1, Some(3)));
+    }
+
+    #[test]
+    fn what_is_all_or_nothing_is_cut_out_and_the_rest_blends() {
+        let mut images = Images::default();
+        let mut image = |alphas: [u8; 4]| {
+            let texels = alphas.iter().flat_map(|a| [0, 0, 0, *a]).collect();
+            let texture = Texture { name: "t".into(), width: 4, height: 1, coding: Coding::Srgb, has_alpha: true, texels };
+            images.push(texture, alphas != [255; 4], At::file("s"), &mut Findings::default())
+        };
+        let (cut, soft, whole) = (image([0, 255, 3, 255]), image([0, 128, 255, 255]), image([255; 4]));
+        let mode = |factor, image| images.alpha_mode(factor, image, 0.5);
+        assert_eq!((mode(1.0, cut), mode(1.0, soft)), (AlphaMode::Mask { cutoff: 0.5 }, AlphaMode::Blend));
+        assert_eq!((mode(1.0, whole), mode(1.0, None)), (AlphaMode::Opaque, AlphaMode::Opaque));
+        assert_eq!((mode(0.5, cut), mode(0.5, None)), (AlphaMode::Blend, AlphaMode::Blend));
     }
 }

@@ -6,19 +6,26 @@
 //! The alternative, passing parser errors through, is a page shorter and leaves "face parse error" as the whole answer.
 
 pub mod bundle;
+mod coat;
+mod environment;
 mod findings;
 pub mod format;
 mod gltf;
+mod group;
 mod images;
 pub mod mesh;
 mod name;
 pub mod obj;
+mod statistics;
+mod surfaces;
 mod texture;
 mod two_sided;
+mod uri;
 mod weld;
 mod x3d;
 
 pub use bundle::{Bundle, BundlePath, Content, Part};
+pub use statistics::statistics;
 pub use x3d::{Rewritten, X3dEncoding, rewrite as rewrite_x3d};
 
 use crate::records::{Problem, SceneStatistics};
@@ -44,7 +51,7 @@ pub struct Imported {
     pub statistics: SceneStatistics,
 }
 
-/// Imports the main file of a bundle with everything it refers to. Cost: linear in the bytes of the bundle, but for concave polygons,
+/// Imports the main file of a bundle with everything it refers to, and the environment that the options name. Cost: linear in the bytes of the bundle, but for concave polygons,
 /// which take the square of their corners.
 ///
 /// # Errors
@@ -63,9 +70,20 @@ pub fn import_bundle(bundle: &Bundle, options: &ImportOptions) -> Result<Importe
 
 fn import(bundle: &Bundle, options: &ImportOptions, findings: &mut Findings) -> Option<Scene> {
     let main = bundle.main();
-    let scene = import_file(bundle, main, options, findings)?;
+    if let Err(bad) = options.check() {
+        findings.error(At::file(main.as_str()), format!("the option {bad}"));
+        return None;
+    }
+    let mut scene = import_file(bundle, main, options, findings)?;
+    if let Some(environment) = environment::import(bundle, options, findings) {
+        scene.environment = Some(environment);
+    }
     if findings.has_errors() {
         return None;
+    }
+    if let Some(group::Grouped { surfaces, atlases }) = group::group(&mut scene) {
+        let message = format!("{surfaces} small surfaces share the textures of {}: {}", atlases.len(), listed(&atlases));
+        findings.warn(At::file(main.as_str()), message);
     }
     if !scene.has_light() {
         let message = "nothing in the scene emits light (no light, no environment, no material in use that shines): it will be black";
@@ -109,26 +127,11 @@ pub(crate) fn fuzz_image(bytes: &[u8]) {
     }
 }
 
-/// Counts of a scene.
-#[must_use]
-pub fn statistics(scene: &Scene) -> SceneStatistics {
-    let emissive = scene
-        .surfaces
-        .iter()
-        .flat_map(|s| &s.parts)
-        .filter(|p| scene.materials[p.material as usize].is_emissive())
-        .map(|p| u64::from(p.triangles))
-        .sum();
-    let (low, high) = scene.bounds();
-    SceneStatistics {
-        triangles: scene.triangle_count() as u64,
-        surfaces: scene.surfaces.iter().map(|s| s.name.clone()).collect(),
-        materials: scene.materials.len() as u64,
-        textures: scene.textures.len() as u64,
-        emissive_triangles: emissive,
-        low,
-        high,
-    }
+/// The first names of a list.
+fn listed(names: &[String]) -> String {
+    const SHOWN: usize = 8;
+    let more = if names.len() > SHOWN { ", …" } else { "" };
+    format!("{}{more}", names[..names.len().min(SHOWN)].join(", "))
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 use super::*;
 use kiln_proto::{
-    scene::{LayerMode, Lobe, Phong, Reflection, TextureLayer, TextureRef},
+    scene::{AlphaMode, LayerMode, Lobe, Opacity, Phong, Reflection, TextureLayer, TextureRef},
     units::Rgb,
 };
 use proptest::prelude::*;
@@ -22,7 +22,7 @@ fn shown(problems: &[Problem]) -> Vec<String> {
 
 fn own(name: &str) -> Result<Imported, Vec<Problem>> {
     let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../tests/scenes/obj").join(name);
-    let (bundle, _) = bundle::collect(&path, &std::env::temp_dir()).unwrap();
+    let (bundle, _) = bundle::collect(&path, None, &std::env::temp_dir()).unwrap();
     import_bundle(&bundle, &ImportOptions::default())
 }
 
@@ -43,8 +43,9 @@ fn an_awkward_file_imports_with_everything_said() {
     assert_eq!(scene.surfaces.iter().map(|s| s.file_stem.as_str()).collect::<Vec<_>>(), ["floor_plan", "lamp.glow", "lamp.chrome"]);
     assert_eq!((statistics.materials, statistics.textures, statistics.emissive_triangles), (3, 1, 2));
     assert_eq!((statistics.low, statistics.high), ([0.0, 0.0, -4.0], [4.0, 3.0, 0.0]));
-    let chrome = phong_of(&scene, "lamp.chrome");
-    assert_eq!((chrome.lobe, chrome.specular), (Lobe::Mirror, Rgb::splat(0.9)));
+    let chrome = &scene.materials[scene.surface("lamp.chrome").unwrap().1.parts[0].material as usize];
+    let Reflection::MetallicRoughness(metal) = &chrome.reflection else { panic!("{chrome:?}") };
+    assert_eq!((metal.roughness, chrome.opacity), (0.1, Opacity { mode: AlphaMode::Blend, factor: 0.5, texture: None }));
     let board = phong_of(&scene, "floor plan");
     let checker = TextureLayer { texture: TextureRef::plain(0, 0), mode: LayerMode::Modulate { scale: 1.0 } };
     assert_eq!((board.layers.as_slice(), board.lobe), (&[checker][..], Lobe::Phong { exponent: 40.0 }));
@@ -52,10 +53,9 @@ fn an_awkward_file_imports_with_everything_said() {
     // Kd + Ks = 1.5 was scaled to one; the texture's bottom row comes first and begins dark.
     assert_eq!(&scene.textures[0].texels[..6], [40, 40, 60, 230, 230, 230]);
     let expected = [
-        "awkward paint.mtl:7: `bump`",
-        "awkward paint.mtl:14: `Pr`",
+        "awkward paint.mtl:7: the bump map `bumps.png` is not in the bundle",
+        "awkward paint.mtl:11: Ks and Ns of materials with numbers of the PBR extension",
         "awkward paint.mtl:3: the material `checker board` reflects 1.5 times",
-        "awkward paint.mtl:12: the material `chrome` is transparent",
         "awkward.obj:35: the statement `curv2`",
         "awkward.obj:33: points and lines were ignored, only faces are surfaces: 2",
         "awkward.obj:26: triangles that repeat another one exactly were dropped: 1",
@@ -147,6 +147,7 @@ fn bad_material_values_are_located() {
         ("d inf", "m.mtl:3: d has the value `inf`"),
         ("illum two", "m.mtl:3: illum has `two`"),
         ("map_Kd -clamp on", "m.mtl:3: map_Kd names no file"),
+        ("norm a.png", "m.mtl:3: the texture `a.png` is not in the bundle"),
         ("map_Kd a.obj", "m.mtl:3: the image `a.obj` is not an image"),
         ("newmtl", "m.mtl:3: a material's name"),
     ] {
@@ -158,11 +159,15 @@ fn bad_material_values_are_located() {
 #[test]
 fn questionable_materials_are_warned_of() {
     for (mtl, wanted) in [
-        ("Tr 0.25", "m.mtl:3: the material `m` is transparent (opacity 0.75)"),
-        ("d 0.5", "m.mtl:3: the material `m` is transparent"),
+        ("d 0.75\nTr 0.5", "m.mtl:4: the material `m` is 0.75 opaque by `d` and 0.5 by `Tr`"),
+        ("d 0", "m.mtl:3: the material `m` is invisible"),
+        ("Pr 1.5", "m.mtl:3: Pr is 1.5"),
+        ("aniso 0.5", "m.mtl:3: `aniso` (anisotropy) is not supported"),
+        ("bump a.png", "m.mtl:3: the bump map `a.png` is not in the bundle"),
+        ("d 0.25\nillum 9", "m.mtl:4: the material `m` is glass"),
         ("Kd 1\nKs 1", "m.mtl:4: the material `m` reflects 2 times"),
         ("newmtl m\nKe 2", "m.mtl:3: the material `m` was already defined at m.mtl:1"),
-        ("norm a.png\nnorm b.png", "m.mtl:3: `norm` is not supported"),
+        ("disp a.png\ndisp b.png", "m.mtl:3: `disp` (displacement) is not supported"),
     ] {
         let (_, warnings) = material(mtl).unwrap();
         assert!(warnings.len() == 1 && warnings[0].starts_with(wanted), "{mtl}: {warnings:?}");
@@ -205,9 +210,10 @@ fn other_formats_are_refused_by_name() {
     assert!(shown(&import_files(&[("a.obj", "")]).unwrap_err())[0].contains("no faces"));
 }
 
-const SEED_OBJ: &str = "mtllib m.mtl\no a b\nv 0 0 0 1\nv 1 0 0\nv 1 1 0\nv .5 .2 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvn 0 0 1\n\
+const SEED_OBJ: &str = "mtllib m.mtl\no a b\nv 0 0 0 1\nv 0 0 2 1 0 0\ns 1\nv 1 0 0\nv 1 1 0\nv .5 .2 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvn 0 0 1\n\
     usemtl m\nf 1/1/1 2/2/1 3/3/1\nf 1 2 3 \\\n 4 5\ng x\nusemtl n\nf -1//1 -2//1 -3//1\ns 1\np 1\n";
-const SEED_MTL: &str = "newmtl m\nKd 0.5 0.5 0.5\nKs 0.1\nNs 20\nillum 2\nd 1\nTr 0\nmap_Kd -s 1 1 1 t.png\nnewmtl n\nKe 1 2 3\nillum 3\n";
+const SEED_MTL: &str = "newmtl m\nKd 0.5 0.5 0.5\nKs 0.1\nNs 20\nillum 2\nd 1\nTr 0\nmap_Kd -s 1 1 1 t.png\nmap_Ns t.png\nmap_d -imfchan r t.png\nbump t.png\n\
+    newmtl n\nKe 1 2 3\nillum 3\nPr 0.5\nPc 1\nmap_Pm -mm 0 1 t.png\nnorm -bm 2 t.png\n";
 
 /// A copy of `seed` with random bytes replaced, removed, doubled or taken from a list of awkward words.
 fn mutate(seed: &[u8], edits: &[(u16, u8, u8)]) -> Vec<u8> {

@@ -3,7 +3,7 @@
 //! The size is read and checked before a pixel is decoded, so a file of a kilobyte that promises a terabyte costs a kilobyte.
 
 use super::format::extension;
-use image::{DynamicImage, ImageFormat, ImageReader, Limits, imageops::flip_vertical_in_place};
+use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits, imageops::flip_vertical_in_place};
 use kiln_proto::{
     limits,
     scene::{Coding, Texture},
@@ -12,6 +12,9 @@ use std::io::Cursor;
 
 /// Bytes that decoding one image may take beside its pixels in the scene.
 const DECODE_BYTES: u64 = 2 << 30;
+
+/// Bytes that the coefficients of a progressive JPEG take for a pixel until its last scan: two for each of four channels.
+const COEFFICIENTS: u64 = 8;
 
 /// Why an image was refused.
 #[derive(Debug, thiserror::Error)]
@@ -23,6 +26,12 @@ pub(super) enum TextureError {
         width: u32,
         /// Pixels along v.
         height: u32,
+    },
+    /// More memory than a decoder may take.
+    #[error("takes {needed} bytes to decode; at most {DECODE_BYTES} are allowed")]
+    TooDear {
+        /// What the decoder would hold at once.
+        needed: u64,
     },
     /// Neither content nor name is of a format that this program reads.
     #[error("is not an image that this program reads (PNG, JPEG, BMP, TGA)")]
@@ -67,7 +76,14 @@ pub(super) fn decode(name: &str, bytes: &[u8], coding: Coding, alpha: bool) -> R
     let mut bounds = Limits::default();
     bounds.max_alloc = Some(DECODE_BYTES);
     reader.limits(bounds);
-    let image = reader.decode()?;
+    let decoder = reader.into_decoder()?;
+    // The decoder's own bound counts what it hands out; what a progressive JPEG keeps of itself meanwhile is counted here.
+    let kept = if is_progressive(bytes) { COEFFICIENTS * u64::from(width) * u64::from(height) } else { 0 };
+    let needed = decoder.total_bytes().saturating_add(kept);
+    if needed > DECODE_BYTES {
+        return Err(TextureError::TooDear { needed });
+    }
+    let image = DynamicImage::from_decoder(decoder)?;
     let transparent = is_transparent(&image);
     let has_alpha = alpha && transparent;
     // The scene's row 0 is v = 0, the bottom; an image's first row is its top.
@@ -81,6 +97,24 @@ pub(super) fn decode(name: &str, bytes: &[u8], coding: Coding, alpha: bool) -> R
         rgb.into_raw()
     };
     Ok(Decoded { texture: Texture { name: name.to_owned(), width, height, coding, has_alpha, texels }, transparent })
+}
+
+/// Whether these are the bytes of a JPEG whose frame is progressive (ITU-T T.81, B.1.1.3: SOF2, SOF6, SOF10, SOF14).
+fn is_progressive(bytes: &[u8]) -> bool {
+    let Some(mut rest) = bytes.strip_prefix(b"\xff\xd8") else { return false };
+    while let [0xff, marker, tail @ ..] = rest {
+        match marker {
+            0xc2 | 0xc6 | 0xca | 0xce => return true,
+            0xc0..=0xcf if !matches!(marker, 0xc4 | 0xc8 | 0xcc) => return false,
+            0xff => rest = &rest[1..],
+            0x01 | 0xd0..=0xd8 => rest = tail,
+            _ => {
+                let Some([high, low]) = tail.first_chunk() else { return false };
+                rest = tail.get(usize::from(u16::from_be_bytes([*high, *low]))..).unwrap_or_default();
+            }
+        }
+    }
+    false
 }
 
 fn is_transparent(image: &DynamicImage) -> bool {
@@ -137,5 +171,19 @@ mod tests {
             .fold(u32::MAX, |crc, b| (0..8).fold(crc ^ u32::from(*b), |c, _| if c & 1 == 1 { (c >> 1) ^ 0xedb8_8320 } else { c >> 1 }));
         bytes[29..33].copy_from_slice(&crc.to_be_bytes());
         assert!(matches!(srgb("t.png", &bytes), Err(TextureError::TooLarge { width: 65_536, .. })));
+    }
+
+    /// A frame header is all that such a file needs to have: 16,384 pixels a side, for which its decoder would take 3 GB.
+    #[test]
+    fn a_progressive_jpeg_counts_what_it_keeps_while_it_is_decoded() {
+        let frame = |marker: u8, side: u16| {
+            let [high, low] = side.to_be_bytes();
+            let mut bytes = vec![0xff, 0xd8, 0xff, 0xfe, 0, 4, 0xff, 0xc0, 0xff, 0xff, marker, 0, 17, 8, high, low, high, low, 3];
+            bytes.extend([1, 0x11, 0, 2, 0x11, 0, 3, 0x11, 0, 0xff, 0xda, 0, 12, 3, 1, 0, 2, 0, 3, 0, 0, 63, 0, 0xff, 0xd9]);
+            bytes
+        };
+        assert!(is_progressive(&frame(0xc2, 8)) && !is_progressive(&frame(0xc0, 8)) && !is_progressive(&png(RgbaImage::new(1, 1))));
+        assert!(matches!(srgb("t.jpg", &frame(0xc2, 16_384)), Err(TextureError::TooDear { needed }) if needed > 2 << 30));
+        assert!(!matches!(srgb("t.jpg", &frame(0xc2, 8)), Err(TextureError::TooDear { .. })));
     }
 }

@@ -1,7 +1,10 @@
 //! The camera: from eye, target and field of view to one ray per pixel, and the view that is taken where nobody says one.
 
 use glam::{DVec3, Vec3};
-use kiln_proto::{math, scene::Scene};
+use kiln_proto::{
+    math,
+    scene::{self, Lens, Scene},
+};
 use serde::Serialize;
 use std::{fmt, str::FromStr};
 
@@ -112,6 +115,14 @@ pub enum BadCamera {
         /// The picture's size.
         size: PictureSize,
     },
+    /// A camera that the author did not make.
+    #[error("the scene has no camera `{name}`; it has {known}")]
+    NoSuchCamera {
+        /// As asked.
+        name: String,
+        /// What there are.
+        known: String,
+    },
     /// An angle out of range.
     #[error("a vertical field of view of {fov} degrees; from {} to {} are possible", FOV.start(), FOV.end())]
     Fov {
@@ -127,8 +138,9 @@ pub struct Camera {
     target: Vec3,
     fov: f32,
     size: PictureSize,
-    /// Right, up and forward; right and up are as long as half the picture at distance 1.
+    /// Right, up and forward; right and up are as long as half the picture at distance 1, or as half the picture where rays are parallel.
     axes: [DVec3; 3],
+    parallel: bool,
 }
 
 impl Camera {
@@ -141,11 +153,35 @@ impl Camera {
         let along = target.as_dvec3() - eye.as_dvec3();
         let forward = along / along.length();
         let up = if forward.cross(DVec3::Y).length() < VERTICAL { DVec3::NEG_Z } else { DVec3::Y };
-        let right = forward.cross(up);
-        let right = right / right.length();
-        let [half_width, half_height] = half_sides(fov, size);
-        let axes = [right * half_width, right.cross(forward) * half_height, forward];
-        Ok(Self { eye, target, fov, size, axes })
+        Ok(Self { eye, target, fov, size, axes: axes(forward, up, half_sides(fov, size)), parallel: false })
+    }
+
+    /// A camera of the author's, for a picture of this size. Where its field of view is out of range it is the nearest that is not.
+    ///
+    /// # Errors
+    /// Directions or a place that nothing can be computed with.
+    pub fn of_author(camera: &scene::Camera, size: PictureSize) -> Result<Self, BadCamera> {
+        let vector = |v: [f32; 3]| Vec3::from_array(v).as_dvec3();
+        let (forward, up) = (vector(camera.forward).normalize_or_zero(), vector(camera.up));
+        let eye = Vec3::from_array(camera.eye);
+        let target = (eye.as_dvec3() + forward).as_vec3();
+        check(Some(eye), Some(target), DEFAULT_FOV)?;
+        let up =
+            if forward.cross(up).length() < VERTICAL * up.length().max(f64::MIN_POSITIVE) { forward.any_orthonormal_vector() } else { up };
+        let aspect = f64::from(size.width) / f64::from(size.height);
+        let (fov, sides, parallel) = match camera.lens {
+            Lens::Perspective { fov, of_smaller } => {
+                let fov = fov.to_degrees().clamp(*FOV.start(), *FOV.end());
+                let [width, height] = half_sides(fov, size);
+                // Of an upright picture the smaller side is the width.
+                if of_smaller && aspect < 1.0 { (fov, [height, height / aspect], false) } else { (fov, [width, height], false) }
+            }
+            Lens::Orthographic { half_height } => {
+                let half_height = f64::from(half_height.abs().clamp(f32::MIN_POSITIVE, FARTHEST));
+                (DEFAULT_FOV, [half_height * aspect, half_height], true)
+            }
+        };
+        Ok(Self { eye, target, fov, size, axes: axes(forward, up, sides), parallel })
     }
 
     /// Where the eye is, metres.
@@ -177,14 +213,39 @@ impl Camera {
         Self { size: PictureSize { width: self.size.width * rays, height: self.size.height * rays }, ..*self }
     }
 
-    /// The unit direction through the middle of a pixel; (0, 0) is the upper left one.
+    /// The unit direction of the ray through the middle of a pixel; (0, 0) is the upper left one.
     #[must_use]
     pub fn direction(&self, x: u32, y: u32) -> Vec3 {
+        let [.., forward] = self.axes;
+        let aside = if self.parallel { DVec3::ZERO } else { self.aside(x, y) };
+        (aside + forward).normalize().as_vec3()
+    }
+
+    /// Where that ray begins, metres.
+    pub(super) fn origin(&self, x: u32, y: u32) -> DVec3 {
+        self.eye.as_dvec3() + if self.parallel { self.aside(x, y) } else { DVec3::ZERO }
+    }
+
+    /// The largest coordinate that a ray may begin at, metres.
+    pub(super) fn farthest(&self) -> f32 {
+        let [right, up, _] = self.axes;
+        let aside = if self.parallel { (right.abs() + up.abs()).max_element() as f32 } else { 0.0 };
+        self.eye.abs().max_element() + aside
+    }
+
+    fn aside(&self, x: u32, y: u32) -> DVec3 {
         let across = (f64::from(x) + 0.5) / f64::from(self.size.width) * 2.0 - 1.0;
         let upward = 1.0 - (f64::from(y) + 0.5) / f64::from(self.size.height) * 2.0;
-        let [right, up, forward] = self.axes;
-        (right * across + up * upward + forward).normalize().as_vec3()
+        let [right, up, _] = self.axes;
+        right * across + up * upward
     }
+}
+
+/// Right, up and forward of a camera whose picture is twice `sides` wide and high.
+fn axes(forward: DVec3, up: DVec3, [half_width, half_height]: [f64; 2]) -> [DVec3; 3] {
+    let right = forward.cross(up);
+    let right = right / right.length();
+    [right * half_width, right.cross(forward) * half_height, forward]
 }
 
 /// What can be said against a camera before it is known where it stands when nobody says so.

@@ -1,6 +1,6 @@
 //! A picture as the renderer finds it: one ray a pixel, linear radiance and what was seen.
 
-use super::{camera::PictureSize, visibility::Seen};
+use super::{camera::PictureSize, visibility::Looked};
 use kiln_proto::units::Rgb;
 
 /// What is shown where nothing is: linear, not exposed; #202428 in sRGB.
@@ -9,11 +9,13 @@ pub const BACKGROUND: Rgb = Rgb::new(0.0144, 0.0176, 0.0212);
 /// One pixel.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pixel {
-    /// Radiance toward the eye, W/(sr m²); black where the light field has none, [`BACKGROUND`] where nothing is seen.
+    /// Radiance toward the eye, W/(sr m²); black where the light field has none. What is seen of the background is in it.
     pub radiance: Rgb,
-    /// The chart that is seen, numbered over the whole scene from 1; 0 for the background.
+    /// How much of [`BACKGROUND`] is seen, per channel: white where nothing else is.
+    pub background: Rgb,
+    /// The nearest chart that is seen, numbered over the whole scene from 1; 0 for the background.
     pub chart: u32,
-    /// Whether the light field has light there.
+    /// Whether the light field has light of everything that is seen.
     pub found: bool,
 }
 
@@ -24,11 +26,21 @@ pub struct Frame {
     pixels: Vec<Pixel>,
 }
 
-/// The pixels of rays: what each sees, and its light.
-pub(super) fn pixels<'a>(seen: &'a [Option<Seen>], radiance: &'a [Option<Rgb>]) -> impl Iterator<Item = Pixel> + 'a {
-    seen.iter().zip(radiance).map(|(seen, light)| match seen {
-        None => Pixel { radiance: BACKGROUND, chart: 0, found: false },
-        Some(seen) => Pixel { radiance: light.unwrap_or(Rgb::BLACK), chart: seen.chart, found: light.is_some() },
+/// The pixels of rays: the light of their layers, the nearest first, each over what is seen of the next.
+pub(super) fn pixels<'a>(looked: &'a Looked, radiance: &'a [Option<Rgb>]) -> impl Iterator<Item = Pixel> + 'a {
+    let mut from = 0;
+    looked.counts.iter().map(move |count| {
+        let layers = from..from + usize::from(*count);
+        from = layers.end;
+        let mut pixel = Pixel { radiance: Rgb::BLACK, background: Rgb::WHITE, chart: 0, found: !layers.is_empty() };
+        for (seen, light) in looked.layers[layers.clone()].iter().zip(&radiance[layers]) {
+            pixel.chart = if pixel.chart == 0 { seen.chart } else { pixel.chart };
+            pixel.found &= light.is_some();
+            pixel.radiance += pixel.background * light.unwrap_or(Rgb::BLACK) * seen.veil.own;
+            pixel.background = pixel.background * seen.veil.through;
+        }
+        pixel.radiance += BACKGROUND * pixel.background;
+        pixel
     })
 }
 

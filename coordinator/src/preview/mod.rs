@@ -28,9 +28,10 @@ use self::picture::Display;
 use kiln_proto::{format::stream::ReadError, plan::Plan, scene::Scene};
 
 /// A number that changes whenever pictures of the same package and view may change: part of every entity tag.
-pub const RENDERER_VERSION: u32 = 1;
+pub const RENDERER_VERSION: u32 = 2;
 
-/// Rays of one band, at least one row of pixels: some 260 bytes each for what they see, need and find, so about 32 MiB.
+/// Rays of one band, at least one row of pixels, and layers whose light is looked up at once: some 280 bytes each for what they see, need and
+/// find, so about 36 MiB; up to 80 more for every layer where much is seen through.
 const BAND_PIXELS: usize = 1 << 17;
 
 /// Why there is no picture.
@@ -79,13 +80,16 @@ impl Bands<'_> {
     /// Hands over the rays of `camera`, some rows at a time, their number a multiple of `step`.
     fn each(&self, light: &mut Light<'_>, camera: &Camera, step: u32, mut take: impl FnMut(&[Pixel])) -> Result<(), RenderError> {
         self.stop.check()?;
-        let stage = visibility::Stage::new(self.scene, self.plan, camera.eye());
+        let stage = visibility::Stage::new(self.scene, self.plan, camera);
         let PictureSize { width, height } = camera.size();
         let rows = (BAND_PIXELS / (width * step) as usize).max(1) as u32 * step;
         for first in (0..height).step_by(rows as usize) {
-            let seen = stage.look(camera, first..(first + rows).min(height), self.stop)?;
-            let radiance = shade::shade(self.plan, light, &seen, self.mode, self.stop)?;
-            take(&frame::pixels(&seen, &radiance).collect::<Vec<_>>());
+            let looked = stage.look(camera, first..(first + rows).min(height), self.stop)?;
+            let mut radiance = Vec::with_capacity(looked.layers.len());
+            for layers in looked.layers.chunks(BAND_PIXELS) {
+                radiance.extend(shade::shade(self.plan, light, layers, self.mode, self.stop)?);
+            }
+            take(&frame::pixels(&looked, &radiance).collect::<Vec<_>>());
         }
         Ok(())
     }

@@ -4,7 +4,10 @@
 //! half as many levels. Only bytes are kept, and rays for no longer than a band lasts: kept for the whole picture, they would take from seven to
 //! a hundred times the memory. Whoever needs radiance itself has [`super::render`].
 
-use super::{camera::PictureSize, frame::Pixel};
+use super::{
+    camera::PictureSize,
+    frame::{BACKGROUND, Pixel},
+};
 use image::{ExtendedColorType, ImageEncoder, ImageError, codecs::png::PngEncoder};
 use kiln_proto::{
     math,
@@ -42,7 +45,8 @@ impl Display {
         let (mut sum, mut dark) = (Rgb::BLACK, false);
         for ray in rays {
             // The background is not lit by the scene: its colour stays under every exposure.
-            sum += if ray.chart == 0 { ray.radiance } else { ray.radiance * self.factor };
+            let ground = BACKGROUND * ray.background;
+            sum += (ray.radiance + ground * -1.0) * self.factor + ground;
             dark |= ray.chart > 0 && !ray.found;
         }
         let mean = sum * (1.0 / (side * side) as f32);
@@ -102,10 +106,12 @@ mod tests {
 
     #[test]
     fn a_half_covered_pixel_is_the_mean_of_what_its_rays_show() {
-        let (lit, ground) = (Rgb::new(0.2, 0.1, 0.4), super::super::BACKGROUND);
-        let surface = Pixel { radiance: lit, chart: 3, found: true };
-        let (dark, background) =
-            (Pixel { radiance: Rgb::BLACK, chart: 3, found: false }, Pixel { radiance: ground, chart: 0, found: false });
+        let (lit, ground) = (Rgb::new(0.2, 0.1, 0.4), BACKGROUND);
+        let surface = Pixel { radiance: lit, background: Rgb::BLACK, chart: 3, found: true };
+        let (dark, background) = (
+            Pixel { radiance: Rgb::BLACK, background: Rgb::BLACK, chart: 3, found: false },
+            Pixel { radiance: ground, background: Rgb::WHITE, chart: 0, found: false },
+        );
         // Two pixels of 2 x 2 rays: background above a surface, and a surface with one hole in its light.
         let rays = [background, background, surface, surface, surface, surface, surface, dark];
         let mut picture = Picture::new(PictureSize { width: 2, height: 1 });

@@ -1,7 +1,7 @@
-//! The light of what a band of pixels sees: all texels that it needs, each read and decoded once, in the order of the files.
+//! The light of what a band of rays sees, layer by layer: all texels that it needs, each read and decoded once, in the order of the files.
 //!
 //! Needs are sorted by surface and texel and grouped into runs; each run is one positioned read per file. What a run yields goes into the
-//! pixels' own places, and each pixel adds its four up in the footprint's order: the picture does not depend on how many threads there are.
+//! layers' own places, and each adds its four up in the footprint's order: the picture does not depend on how many threads there are.
 
 use super::{
     RenderError,
@@ -24,28 +24,22 @@ const READ: u64 = 1 << 20;
 /// Texels that are read though nobody needs them, where that joins two runs: cheaper than another read.
 const GAP: u64 = 16;
 
-/// One texel that one pixel needs.
+/// One texel that one layer needs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 struct Need {
     surface: u32,
     /// Column + width x row: below 2^26.
     texel: u32,
-    /// 4 x pixel + place in the footprint.
+    /// 4 x layer + place in the footprint.
     slot: u32,
 }
 
-/// A texel's light toward one pixel, with the slot that it belongs to.
+/// A texel's light toward one ray, with the slot that it belongs to.
 type Found = (u32, Rgb);
 
-/// The radiance of each pixel toward the eye; `None` where nothing is seen or the light field has nothing. Asks before each read whether to go on.
-pub(super) fn shade(
-    plan: &Plan,
-    light: &mut Light<'_>,
-    seen: &[Option<Seen>],
-    mode: Mode,
-    stop: &Stop,
-) -> Result<Vec<Option<Rgb>>, RenderError> {
-    let mut needs: Vec<Need> = seen.par_iter().enumerate().flat_map_iter(|(pixel, seen)| needs_of(plan, pixel, seen.as_ref())).collect();
+/// The radiance of each layer toward the eye; `None` where the light field has nothing. Asks before each read whether to go on.
+pub(super) fn shade(plan: &Plan, light: &mut Light<'_>, seen: &[Seen], mode: Mode, stop: &Stop) -> Result<Vec<Option<Rgb>>, RenderError> {
+    let mut needs: Vec<Need> = seen.par_iter().enumerate().flat_map_iter(|(layer, seen)| needs_of(plan, layer, seen)).collect();
     needs.par_sort_unstable();
     let shader = Shader { stencils: stencils(plan, seen, mode), mean: DiffuseMean::new(plan.settings.directions), mode };
     let mut found: Vec<Option<Rgb>> = vec![None; 4 * seen.len()];
@@ -61,9 +55,9 @@ pub(super) fn shade(
         let parts = parts.into_par_iter().map(shaded).collect::<Result<Vec<_>, _>>()?;
         parts.into_iter().flatten().for_each(|(slot, rgb)| found[slot as usize] = Some(rgb));
     }
-    let blend = |(seen, found): (&Option<Seen>, &[Option<Rgb>])| {
+    let blend = |(seen, found): (&Seen, &[Option<Rgb>])| {
         let mut blend = Blend::default();
-        for ((_, weight), light) in seen.as_ref()?.footprint(plan).iter().zip(found) {
+        for ((_, weight), light) in seen.footprint(plan).iter().zip(found) {
             if let Some(light) = light {
                 blend.add(*light, *weight);
             }
@@ -73,19 +67,16 @@ pub(super) fn shade(
     Ok(seen.par_iter().zip(found.par_chunks(4)).map(blend).collect())
 }
 
-fn needs_of(plan: &Plan, pixel: usize, seen: Option<&Seen>) -> impl Iterator<Item = Need> {
-    let footprint: Option<(u32, Footprint)> = seen.map(|s| (s.surface, s.footprint(plan)));
-    footprint.into_iter().flat_map(move |(surface, footprint)| {
-        let need = move |k: usize| Need { surface, texel: footprint[k].0 as u32, slot: (4 * pixel + k) as u32 };
-        (0..4).filter(move |k| footprint[*k].1 > 0.0).map(need)
-    })
+fn needs_of(plan: &Plan, layer: usize, seen: &Seen) -> impl Iterator<Item = Need> + use<> {
+    let (surface, footprint): (u32, Footprint) = (seen.surface, seen.footprint(plan));
+    let need = move |k: usize| Need { surface, texel: footprint[k].0 as u32, slot: (4 * layer + k) as u32 };
+    (0..4).filter(move |k| footprint[*k].1 > 0.0).map(need)
 }
 
-/// The directions of each pixel, in the mode that asks for them.
-fn stencils(plan: &Plan, seen: &[Option<Seen>], mode: Mode) -> Vec<Stencil> {
-    let stencil = |seen: &Option<Seen>| seen.map_or_else(Stencil::default, |s| lookup::stencil(plan.settings.directions, s.toward));
+/// The directions of each layer, in the mode that asks for them.
+fn stencils(plan: &Plan, seen: &[Seen], mode: Mode) -> Vec<Stencil> {
     match mode {
-        Mode::LightField => seen.par_iter().map(stencil).collect(),
+        Mode::LightField => seen.par_iter().map(|s| lookup::stencil(plan.settings.directions, s.toward)).collect(),
         Mode::Diffuse => vec![],
     }
 }

@@ -23,8 +23,10 @@ pub enum Mode {
 }
 
 /// What someone asks to see.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct View {
+    /// The author's camera to look through, by its name; without it, as the next three say.
+    pub camera: Option<String>,
     /// Where the eye is, metres; without it, as in the default view.
     pub eye: Option<Vec3>,
     /// What it looks at, metres; without it, as in the default view.
@@ -44,6 +46,7 @@ pub struct View {
 impl Default for View {
     fn default() -> Self {
         Self {
+            camera: None,
             eye: None,
             target: None,
             fov: DEFAULT_FOV,
@@ -72,6 +75,7 @@ impl From<BadCamera> for BadView {
             BadCamera::Size { .. } => "h",
             BadCamera::NotFinite { what, .. } => what,
             BadCamera::NoDirection { .. } => "eye",
+            BadCamera::NoSuchCamera { .. } => "camera",
             BadCamera::Fov { .. } | BadCamera::TooFar { .. } => "fov",
         };
         let message = match error {
@@ -94,7 +98,13 @@ impl View {
         }
         let default = View::default();
         let (width, height) = (read("w", text("w"), side)?, read("h", text("h"), side)?);
+        let camera = text("camera");
+        if let (Some(_), Some(other)) = (&camera, ["eye", "target", "fov"].into_iter().find(|name| text(name).is_some())) {
+            let message = format!("a camera of the scene says where the eye is; leave out `{other}`, or the camera");
+            return Err(BadView { field: "camera", message });
+        }
         let view = Self {
+            camera,
             eye: read("eye", text("eye"), point)?,
             target: read("target", text("target"), point)?,
             fov: read("fov", text("fov"), number)?.unwrap_or(default.fov),
@@ -121,14 +131,29 @@ impl View {
     /// The camera of this view in a scene: what is not said is as in the default view.
     ///
     /// # Errors
-    /// Values out of their ranges, an eye that is where the target is, a default eye that would be too far away.
+    /// Values out of their ranges, an eye that is where the target is, a default eye that would be too far away, a camera that is not there.
     pub fn camera(&self, scene: &Scene) -> Result<Camera, BadCamera> {
+        if let Some(name) = &self.camera {
+            let found = scene.cameras.iter().find(|c| c.name == *name);
+            let missing = || BadCamera::NoSuchCamera { name: short(name), known: known(scene) };
+            return Camera::of_author(found.ok_or_else(missing)?, self.size);
+        }
         let (eye, target) = default_view(scene, self.fov, self.size)?;
         if self.eye.is_none() && !is_near(eye) {
             return Err(BadCamera::TooFar { fov: self.fov, size: self.size });
         }
         Camera::new(self.eye.unwrap_or(eye), self.target.unwrap_or(target), self.fov, self.size)
     }
+}
+
+/// The names of a scene's cameras, as a list.
+fn known(scene: &Scene) -> String {
+    const SHOWN: usize = 20;
+    let mut names: Vec<&str> = scene.cameras.iter().take(SHOWN).map(|c| c.name.as_str()).collect();
+    if scene.cameras.len() > SHOWN {
+        names.push("…");
+    }
+    if names.is_empty() { "none".to_owned() } else { names.join(", ") }
 }
 
 /// A point `x,y,z` in metres.

@@ -25,6 +25,7 @@ use crate::{
 };
 use kiln_proto::{
     ids::{Digest, JobId, SceneHash, Token, WorkerId},
+    options::ImportOptions,
     tile::{TileIndex, TileRun},
     wire::message::{Finish, Heartbeat, Phase},
 };
@@ -38,7 +39,7 @@ pub const TASK_TRIES: u32 = 20;
 #[async_trait::async_trait]
 pub trait Store: Send + Sync + 'static {
     /// Records an upload and queues its import.
-    async fn add_scene(&self, id: Uuid, files: &[StoredFile], now: UnixMillis) -> Result<SceneRow, StoreError>;
+    async fn add_scene(&self, id: Uuid, files: &[StoredFile], options: &ImportOptions, now: UnixMillis) -> Result<SceneRow, StoreError>;
 
     /// An upload.
     async fn scene(&self, id: Uuid) -> Result<Option<SceneRow>, StoreError>;

@@ -1,20 +1,30 @@
-//! The author's texture coordinates: whether they can hold a light field as they are, and at what size.
+//! The author's texture coordinates: whether they can hold a light field as they are, at what size, and what charts they make.
 
-use super::{Charts, Wanted, raster};
+use super::{
+    Charts, Wanted,
+    chart::{Chart, Origin},
+    check::{self, Fault},
+    flat,
+};
 use glam::{DVec2, DVec3};
 use kiln_proto::{
     limits,
     scene::{Scene, Surface},
+    sets::DisjointSets,
     settings::TextureSize,
 };
 use std::collections::HashMap;
 
 /// How far outside the unit square coordinates may lie and still be clamped.
 const OUTSIDE: f32 = 1e-4;
-/// Share of a surface's area that may lie on triangles without area in the texture.
+/// Share of an area that may lie on triangles without area in the texture, or turned over in it.
 const DEGENERATE: f64 = 1e-3;
 /// Area in the unit square below which a triangle has none: a millionth of a texel of the largest texture.
 const UV_AREA: f64 = 1e-14;
+
+/// A triangle with so many times less room than its share is squeezed, and so much of an area may be.
+const SQUEEZED: f64 = 16.0;
+const UNEVEN: f64 = 0.05;
 
 /// Why texture coordinates cannot be used.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
@@ -34,66 +44,126 @@ pub(super) enum Unusable {
     /// Two places share a texel.
     #[error("they overlap (at texel {x}, {y} of {size})")]
     Overlap { x: u32, y: u32, size: TextureSize },
+    /// A chart is folded over.
+    #[error("{triangles} triangles are turned over within their charts")]
+    Folded { triangles: usize },
+    /// Whole charts are turned over.
+    #[error("{mirrored} of its {all} charts are mirrored")]
+    Mirrored { mirrored: usize, all: usize },
+    /// Charts without room for their gutters.
+    #[error("its charts are less than two gutters (4 texels) apart (at texel {x}, {y} of {size})")]
+    Close { x: u32, y: u32, size: TextureSize },
 }
 
-/// The author's charts at the wanted size, with a note where the size had to be bounded.
-pub(super) fn lay_out(scene: &Scene, surface: &Surface, wanted: Wanted) -> Result<(Charts, Option<String>), Unusable> {
-    let uv = coordinates(surface)?;
-    let extent = Extent::measure(scene, surface, &uv);
-    if extent.degenerate > DEGENERATE * extent.world || extent.uv <= 0.0 {
-        return Err(Unusable::Degenerate { percent: 100.0 * extent.degenerate / extent.world });
+impl Unusable {
+    /// Whether the charts as such are good: they only have to be moved.
+    pub(super) fn is_only_placement(&self) -> bool {
+        matches!(self, Unusable::Mirrored { .. } | Unusable::Close { .. })
     }
-    let (size, note) = match wanted {
-        Wanted::Size(size) => (size, None),
-        Wanted::Density(density) => extent.size(density),
-    };
-    if let Some((x, y)) = overlap(&uv, size) {
-        return Err(Unusable::Overlap { x, y, size });
-    }
-    let charts = components(surface, &uv);
-    Ok((Charts { size, uv, charts }, note))
 }
 
-/// All coordinates, clamped to the unit square.
-fn coordinates(surface: &Surface) -> Result<Vec<[[f32; 2]; 3]>, Unusable> {
-    let all = surface.triangles.len();
-    let set = surface.uv_sets.first().map_or(&[][..], Vec::as_slice);
-    let without = all - set.iter().flatten().count();
-    if without == all {
-        return Err(Unusable::Missing);
-    }
-    if without > 0 {
-        return Err(Unusable::Partial { without, all });
-    }
-    let uv: Vec<[[f32; 2]; 3]> = set.iter().copied().flatten().collect();
-    let far = |v: f32| !(-OUTSIDE..=1.0 + OUTSIDE).contains(&v);
-    if let Some([u, v]) = uv.iter().flatten().find(|c| c.iter().any(|v| far(*v))) {
-        return Err(Unusable::Outside { u: *u, v: *v });
-    }
-    Ok(uv.into_iter().map(|t| t.map(|c| c.map(|v| v.clamp(0.0, 1.0)))).collect())
+/// The coordinates of a set on some triangles of a surface.
+pub(super) struct Author<'a> {
+    scene: &'a Scene,
+    surface: &'a Surface,
+    triangles: &'a [u32],
+    /// In the order of `triangles`.
+    uv: Vec<[[f32; 2]; 3]>,
+    /// Triangles that share an edge both in space and in the texture belong together; numbered by their first triangles.
+    charts: Vec<u32>,
 }
 
-/// Areas and stretch of a surface in its texture.
-struct Extent {
-    /// World area, m².
-    world: f64,
-    /// World area of triangles that have no area in the texture, m².
-    degenerate: f64,
-    /// Area in the unit square.
-    uv: f64,
-    /// Sum over triangles of |dP/du| (metres per unit u) times area in the unit square.
-    along_u: f64,
-    /// The same of |dP/dv|.
-    along_v: f64,
-}
+impl<'a> Author<'a> {
+    /// Reads a set: all coordinates, clamped to the unit square, in charts that are not folded.
+    pub(super) fn read(scene: &'a Scene, surface: &'a Surface, set: usize, triangles: &'a [u32]) -> Result<Self, Unusable> {
+        let uv = coordinates(surface, set, triangles)?;
+        let charts = components(surface, triangles, &uv);
+        let author = Self { scene, surface, triangles, uv, charts };
+        let extent = author.extent(0..triangles.len());
+        if extent.degenerate > DEGENERATE * extent.world || extent.uv <= 0.0 {
+            return Err(Unusable::Degenerate { percent: 100.0 * extent.degenerate / extent.world });
+        }
+        let turns = author.turns();
+        let folded = |k: &usize| {
+            let [front, back] = turns[author.charts[*k] as usize];
+            let least = front.min(back);
+            least > DEGENERATE * (front + back) && (signed_area(author.uv[*k]) > 0.0) == (least == front)
+        };
+        match (0..triangles.len()).filter(folded).count() {
+            0 => Ok(author),
+            folded => Err(Unusable::Folded { triangles: folded }),
+        }
+    }
 
-impl Extent {
-    fn measure(scene: &Scene, surface: &Surface, uv: &[[[f32; 2]; 3]]) -> Self {
-        let mut out = Self { world: 0.0, degenerate: 0.0, uv: 0.0, along_u: 0.0, along_v: 0.0 };
-        for (t, uv) in surface.triangles.iter().zip(uv) {
-            let [a, b, c] = scene.corners(t);
+    /// The layout as the author has it, at the wanted size, with a note where that had to be bounded.
+    pub(super) fn as_it_is(&self, wanted: Wanted) -> Result<(Charts, Option<String>), Unusable> {
+        let (size, note) = match wanted {
+            Wanted::Size(size) => (size, None),
+            Wanted::Density(density) => self.extent(0..self.triangles.len()).size(density),
+        };
+        let layout = Charts { size, uv: self.uv.clone(), charts: self.charts.clone() };
+        let close = match check::first_fault(&layout) {
+            Some(Fault::Overlap { x, y, .. }) => return Err(Unusable::Overlap { x, y, size }),
+            Some(Fault::Close { x, y, .. }) => Some(Unusable::Close { x, y, size }),
+            None => None,
+        };
+        let turns = self.turns();
+        let mirrored = turns.iter().filter(|[front, back]| back > front).count();
+        match close {
+            _ if mirrored > 0 => Err(Unusable::Mirrored { mirrored, all: turns.len() }),
+            Some(close) => Err(close),
+            None => Ok((layout, note)),
+        }
+    }
+
+    /// Whether hardly any of it has next to no room: what was drawn for a picture may squeeze a side of a body into a line.
+    pub(super) fn is_even(&self) -> bool {
+        let all = self.extent(0..self.triangles.len());
+        let squeezed = |k: &usize| {
+            let one = self.extent([*k]);
+            one.uv * all.world * SQUEEZED < one.world * all.uv
+        };
+        let area: f64 = (0..self.triangles.len()).filter(squeezed).map(|k| self.extent([k]).world).sum();
+        area <= UNEVEN * all.world
+    }
+
+    /// The author's charts, each at its true size on average and mirrored ones turned back; what has no area in the texture lies in its planes.
+    pub(super) fn to_charts(&self) -> Vec<Chart> {
+        let mut members: Vec<Vec<usize>> = vec![vec![]; self.turns().len()];
+        self.charts.iter().enumerate().for_each(|(k, chart)| members[*chart as usize].push(k));
+        members.into_iter().flat_map(|members| self.chart(&members)).collect()
+    }
+
+    fn chart(&self, members: &[usize]) -> Vec<Chart> {
+        let triangles: Vec<u32> = members.iter().map(|k| self.triangles[*k]).collect();
+        let extent = self.extent(members.iter().copied());
+        let stretch = DVec2::new(extent.along_u, extent.along_v) / extent.uv;
+        let even = (extent.world / (extent.uv * stretch.x * stretch.y)).sqrt();
+        if extent.uv <= 0.0 || !even.is_finite() || even <= 0.0 {
+            return flat::planes(self.scene, self.surface, &triangles);
+        }
+        let mirrored = members.iter().map(|k| signed_area(self.uv[*k])).sum::<f64>() < 0.0;
+        let scale = stretch * even * DVec2::new(if mirrored { -1.0 } else { 1.0 }, 1.0);
+        let corners: Vec<[DVec2; 3]> = members.iter().map(|k| points(self.uv[*k]).map(|p| p * scale)).collect();
+        vec![Chart::new(Origin::Author, triangles, &corners)]
+    }
+
+    /// Area in the unit square of the triangles of each chart that show their fronts, and of those that show their backs.
+    fn turns(&self) -> Vec<[f64; 2]> {
+        let mut turns = vec![[0.0; 2]; self.charts.iter().max().map_or(0, |last| *last as usize + 1)];
+        for (uv, chart) in self.uv.iter().zip(&self.charts) {
+            let area = signed_area(*uv);
+            turns[*chart as usize][usize::from(area < 0.0)] += area.abs();
+        }
+        turns
+    }
+
+    fn extent(&self, members: impl IntoIterator<Item = usize>) -> Extent {
+        let mut out = Extent { world: 0.0, degenerate: 0.0, uv: 0.0, along_u: 0.0, along_v: 0.0 };
+        for k in members {
+            let [a, b, c] = self.scene.corners(&self.surface.triangles[self.triangles[k] as usize]);
             let (e1, e2): (DVec3, DVec3) = (b - a, c - a);
-            let p = uv.map(|[u, v]| DVec2::new(f64::from(u), f64::from(v)));
+            let p = points(self.uv[k]);
             let (d1, d2) = (p[1] - p[0], p[2] - p[0]);
             let (area, flat) = (e1.cross(e2).length() / 2.0, d1.perp_dot(d2).abs() / 2.0);
             out.world += area;
@@ -108,7 +178,48 @@ impl Extent {
         }
         out
     }
+}
 
+fn points(uv: [[f32; 2]; 3]) -> [DVec2; 3] {
+    uv.map(|[u, v]| DVec2::new(f64::from(u), f64::from(v)))
+}
+
+fn signed_area(uv: [[f32; 2]; 3]) -> f64 {
+    let [a, b, c] = points(uv);
+    (b - a).perp_dot(c - a) / 2.0
+}
+
+/// All coordinates of a set, clamped to the unit square.
+fn coordinates(surface: &Surface, set: usize, triangles: &[u32]) -> Result<Vec<[[f32; 2]; 3]>, Unusable> {
+    let all = triangles.len();
+    let uv: Vec<[[f32; 2]; 3]> = triangles.iter().filter_map(|t| surface.uv(set, *t as usize)).collect();
+    match all - uv.len() {
+        0 => {}
+        without if without == all => return Err(Unusable::Missing),
+        without => return Err(Unusable::Partial { without, all }),
+    }
+    let far = |v: f32| !(-OUTSIDE..=1.0 + OUTSIDE).contains(&v);
+    if let Some([u, v]) = uv.iter().flatten().find(|c| c.iter().any(|v| far(*v))) {
+        return Err(Unusable::Outside { u: *u, v: *v });
+    }
+    Ok(uv.into_iter().map(|t| t.map(|c| c.map(|v| v.clamp(0.0, 1.0)))).collect())
+}
+
+/// Areas and stretch of triangles in their texture.
+struct Extent {
+    /// World area, m².
+    world: f64,
+    /// World area of triangles that have no area in the texture, m².
+    degenerate: f64,
+    /// Area in the unit square.
+    uv: f64,
+    /// Sum over triangles of |dP/du| (metres per unit u) times area in the unit square.
+    along_u: f64,
+    /// The same of |dP/dv|.
+    along_v: f64,
+}
+
+impl Extent {
     /// The size at which a texel covers `density`^-2 m² on average, with the sides in proportion to the stretch along u and v.
     fn size(&self, density: f64) -> (TextureSize, Option<String>) {
         let (u, v) = (self.along_u / self.uv, self.along_v / self.uv);
@@ -125,65 +236,19 @@ impl Extent {
     }
 }
 
-/// The first texel whose centre lies strictly inside two triangles.
-fn overlap(uv: &[[[f32; 2]; 3]], size: TextureSize) -> Option<(u32, u32)> {
-    let (width, height) = (size.width, size.height);
-    let mut taken = vec![0u64; (size.texels() as usize).div_ceil(64)];
-    let mut found = None;
-    for t in uv {
-        let corners = t.map(|[u, v]| DVec2::new(f64::from(u) * f64::from(width), f64::from(v) * f64::from(height)));
-        let all = raster::inside(corners, width, height, |x, y| {
-            let at = y as usize * width as usize + x as usize;
-            let bit = 1u64 << (at % 64);
-            if taken[at / 64] & bit != 0 {
-                found = Some((x, y));
-                return false;
-            }
-            taken[at / 64] |= bit;
-            true
-        });
-        if !all {
-            break;
-        }
-    }
-    found
-}
-
 /// A corner in space and in the texture.
 type Corner = (u32, [u32; 2]);
 
-/// Charts: triangles that share an edge both in space and in the texture belong together. Numbered by their first triangles.
-fn components(surface: &Surface, uv: &[[[f32; 2]; 3]]) -> Vec<u32> {
-    let mut parent: Vec<u32> = (0..uv.len() as u32).collect();
+fn components(surface: &Surface, triangles: &[u32], uv: &[[[f32; 2]; 3]]) -> Vec<u32> {
+    let mut sets = DisjointSets::new(uv.len());
     // Looked up, never iterated: the order of hashing cannot matter.
     let mut edges: HashMap<(Corner, Corner), u32> = HashMap::new();
-    for (t, (triangle, uv)) in surface.triangles.iter().zip(uv).enumerate() {
-        let corner = |k: usize| (triangle.corners[k], uv[k].map(f32::to_bits));
+    for (k, (t, uv)) in triangles.iter().zip(uv).enumerate() {
+        let corner = |i: usize| (surface.triangles[*t as usize].corners[i], uv[i].map(f32::to_bits));
         for (a, b) in [(0, 1), (1, 2), (2, 0)].map(|(i, j)| (corner(i), corner(j))) {
-            let first = *edges.entry((a.min(b), a.max(b))).or_insert(t as u32);
-            let (x, y) = (root(&mut parent, first), root(&mut parent, t as u32));
-            // The lower number becomes the root, so a chart's root is its first triangle.
-            parent[x.max(y) as usize] = x.min(y);
+            let first = *edges.entry((a.min(b), a.max(b))).or_insert(k as u32);
+            sets.join(first, k as u32);
         }
     }
-    let mut numbers = vec![u32::MAX; uv.len()];
-    let mut next = 0;
-    (0..uv.len() as u32)
-        .map(|t| {
-            let first = root(&mut parent, t) as usize;
-            if numbers[first] == u32::MAX {
-                numbers[first] = next;
-                next += 1;
-            }
-            numbers[first]
-        })
-        .collect()
-}
-
-fn root(parent: &mut [u32], mut t: u32) -> u32 {
-    while parent[t as usize] != t {
-        parent[t as usize] = parent[parent[t as usize] as usize];
-        t = parent[t as usize];
-    }
-    t
+    sets.numbers()
 }

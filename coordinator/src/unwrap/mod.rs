@@ -1,13 +1,20 @@
 //! Unwrap: every surface gets a texture size and charts that do not overlap.
 //!
-//! The author's texture coordinates are used where they are usable: present everywhere, inside the unit square, without overlap at the
-//! resolution that is baked. Otherwise each flat polygon becomes a chart of its own (`polygons`), packed on shelves (`pack`). Curved
-//! meshes without usable coordinates are thereby cut along every polygon, which bakes right and wastes gutters; an atlas that keeps
-//! neighbours together can replace `polygons` without touching anything else.
+//! The author's texture coordinates are used where they are usable ([`author`]): the second set, which is meant for light, before the first;
+//! present everywhere, inside the unit square, without overlap at the resolution that is baked. Where only the places of their charts are wrong
+//! (no room for gutters, mirrored), the charts are kept and packed anew. Otherwise charts are made ([`flat`], [`atlas`]): a surface
+//! with vertex normals gets charts of neighbouring triangles where those are fewer than its flat polygons, because every cut shows in a smooth
+//! highlight; a surface of flat triangles keeps its polygons apart unless joining them saves a third of the texels, gutters included, as it does
+//! where triangles are hardly larger than texels. A surface of several parts whose coordinates do not fit together is laid out part by part ([`parts`]), and the back of a two-sided surface has the
+//! layout of its front, mirrored.
 
+mod atlas;
 mod author;
+mod chart;
+mod check;
+mod flat;
 mod pack;
-mod polygons;
+mod parts;
 mod raster;
 
 use crate::records::Problem;
@@ -46,44 +53,40 @@ struct Charts {
     charts: Vec<u32>,
 }
 
-/// Lays out all surfaces. Cost: linear in triangles and texels for the author's charts, n log n in polygons for packed ones.
+/// Lays out all surfaces. Cost: linear in triangles and texels for the author's charts, n log n in polygons for packed ones, from ten seconds to
+/// a minute for a million triangles of curved meshes.
 ///
 /// # Errors
-/// Sizes for surfaces that do not exist, textures beyond the limits, and sizes into which a surface's polygons do not fit.
+/// Sizes for surfaces that do not exist, textures beyond the limits, and sizes into which a surface's charts do not fit.
 pub fn lay_out(scene: &Scene, settings: &BakeSettings) -> Result<Layout, Problem> {
     check_names(scene, settings)?;
-    let mut layout = Layout { surfaces: Vec::with_capacity(scene.surfaces.len()), warnings: vec![] };
+    let mut plans: Vec<Option<SurfacePlan>> = vec![None; scene.surfaces.len()];
+    let mut warnings = vec![];
     let mut texels = 0;
-    for surface in &scene.surfaces {
-        let wanted = wanted(surface, settings)?;
-        let plan = lay_out_surface(scene, surface, wanted, &mut layout.warnings)?;
+    let front_of = |s: &Surface| s.back_of.filter(|_| !settings.texture_sizes.contains_key(&s.name)).map(|front| front as usize);
+    // Backs follow their fronts, wherever those stand.
+    let (backs, fronts): (Vec<usize>, Vec<usize>) = (0..plans.len()).partition(|index| front_of(&scene.surfaces[*index]).is_some());
+    for index in fronts.into_iter().chain(backs) {
+        let surface = &scene.surfaces[index];
+        let mirrored = front_of(surface).and_then(|front| plans[front].as_ref()).map(mirrored);
+        let plan = match mirrored {
+            Some(plan) => plan,
+            None => parts::lay_out(scene, surface, wanted(surface, settings)?, &mut warnings)?,
+        };
         texels += plan.size.texels();
         if texels > limits::JOB_TEXELS {
             return Err(too_many_texels(surface, texels, settings));
         }
-        layout.surfaces.push(plan);
+        plans[index] = Some(plan);
     }
-    Ok(layout)
+    Ok(Layout { surfaces: plans.into_iter().flatten().collect(), warnings })
 }
 
-fn lay_out_surface(scene: &Scene, surface: &Surface, wanted: Wanted, warnings: &mut Vec<Problem>) -> Result<SurfacePlan, Problem> {
-    let mut warn = |message: String| warnings.push(problem(format!("surface `{}`: {message}", surface.name)));
-    let (source, charts) = match author::lay_out(scene, surface, wanted) {
-        Ok((charts, note)) => {
-            note.into_iter().for_each(&mut warn);
-            (ChartSource::Author, charts)
-        }
-        Err(why) => {
-            if why != author::Unusable::Missing {
-                warn(format!("its texture coordinates were replaced by one chart per polygon, because {why}"));
-            }
-            let (charts, note) =
-                polygons::lay_out(scene, surface, wanted).map_err(|e| problem(format!("surface `{}`: {e}", surface.name)))?;
-            note.into_iter().for_each(&mut warn);
-            (ChartSource::Polygons, charts)
-        }
-    };
-    Ok(SurfacePlan { size: charts.size, source, uv: charts.uv, charts: charts.charts, covered: 0, tiles: vec![] })
+/// The layout of a back: that of its front seen from behind. Its triangles have their second and third corners exchanged.
+fn mirrored(front: &SurfacePlan) -> SurfacePlan {
+    let turn = |[u, v]: [f32; 2]| [1.0 - u, v];
+    let uv = front.uv.iter().map(|[a, b, c]| [turn(*a), turn(*c), turn(*b)]).collect();
+    SurfacePlan { source: ChartSource::Front, uv, ..front.clone() }
 }
 
 fn wanted(surface: &Surface, settings: &BakeSettings) -> Result<Wanted, Problem> {

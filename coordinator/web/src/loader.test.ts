@@ -85,7 +85,7 @@ describe('a damaged package', () => {
   it('is refused when its manifest is another one, or none', () => {
     const loader = new LightFieldLoader();
     expect(() => loader.parse('<html>', goldenFiles())).toThrow('is the URL that of a package');
-    expect(() => loader.parse('{"schema": 2}', goldenFiles())).toThrow('schema 2');
+    expect(() => loader.parse('{"schema": 1}', goldenFiles())).toThrow('schema 1; this page reads schema 2');
     const other = { ...JSON.parse(manifest), surfaces: [] };
     expect(() => loader.parse(JSON.stringify(other), goldenFiles())).toThrow('do not belong together');
   });

@@ -1,4 +1,4 @@
-/** The golden package of `tests/golden`, for unit tests. */
+/** For unit tests: the golden package of `tests/golden`, and bytes written by hand. */
 
 import { readFileSync } from 'node:fs';
 import { LightFieldLoader, type PackageFiles } from './loader.ts';
@@ -16,3 +16,36 @@ export function goldenFiles(): PackageFiles {
 }
 
 export const goldenRoom = (): LightField => new LightFieldLoader().parse(goldenText('room/manifest.json'), goldenFiles());
+
+/** Writes what {@link ByteReader} reads. */
+export class ByteWriter {
+  private readonly out: number[] = [];
+
+  u8(...bytes: number[]): this {
+    this.out.push(...bytes);
+    return this;
+  }
+
+  /** bincode's varint. */
+  varint(...values: number[]): this {
+    for (const v of values) {
+      if (v < 251) this.out.push(v);
+      else if (v < 65536) this.out.push(251, v & 255, v >> 8);
+      else this.out.push(252, ...new Uint8Array(Uint32Array.of(v).buffer));
+    }
+    return this;
+  }
+
+  f32(...values: number[]): this {
+    return this.u8(...new Uint8Array(Float32Array.from(values).buffer));
+  }
+
+  text(text: string): this {
+    const bytes = new TextEncoder().encode(text);
+    return this.varint(bytes.length).u8(...bytes);
+  }
+
+  get bytes(): Uint8Array {
+    return Uint8Array.from(this.out);
+  }
+}

@@ -10,8 +10,10 @@
 
 mod light;
 mod material;
+mod sample;
 mod texture;
 mod validate;
+mod veil;
 
 pub use light::{
     Camera, Environment, Falloff, Lens, Light, LightShape, Projection, Projector, ShadowCompare, ShadowMap, ShadowUpdate, SpotProfile,
@@ -19,8 +21,10 @@ pub use light::{
 pub use material::{
     AlphaMode, LayerMode, Lobe, Mapping, Material, MetallicRoughness, NormalMap, Opacity, Phong, Reflection, TextureLayer, TextureRef, Wrap,
 };
+pub use sample::Place;
 pub use texture::{Coding, Texture};
 pub use validate::{InvalidScene, energy_scale};
+pub use veil::Veil;
 
 use crate::{
     ids::SceneHash,

@@ -221,7 +221,7 @@ impl Scene {
             Reflection::MetallicRoughness(pbr) => check_metallic_roughness(m, pbr)?,
         }
         let (opacity, cutoff) = (m.opacity.factor, if let AlphaMode::Mask { cutoff } = m.opacity.mode { cutoff } else { 0.0 });
-        if !is_share(opacity) || !(cutoff.is_finite() && cutoff >= 0.0) || m.normal_map.is_some_and(|n| !n.scale.is_finite()) {
+        if !(is_share(opacity) && cutoff.is_finite() && cutoff >= 0.0) || m.normal_map.is_some_and(|n| !n.scale.is_finite()) {
             return Err(fault(m, "has an opacity, a cutoff or a normal scale out of range"));
         }
         m.textures().try_for_each(|t| self.check_texture_ref(&m.name, t))
@@ -337,7 +337,7 @@ fn check_environment(e: &Environment) -> Result<(), InvalidScene> {
     if pixels == 0 || pixels > limits::ENVIRONMENT_PIXELS || e.rgb.len() as u64 != pixels {
         return bad("has a size that does not fit its pixels");
     }
-    if !e.rotation.is_finite() || !(e.intensity.is_finite() && e.intensity >= 0.0) {
+    if !(e.rotation.is_finite() && e.intensity.is_finite() && e.intensity >= 0.0) {
         return bad("has a rotation or an intensity out of range");
     }
     if e.rgb.as_flattened().iter().all(|v| *v >= 0.0 && v.is_finite()) {

@@ -64,12 +64,28 @@ impl Accel {
         Self { tree: Tree::build(triangles) }
     }
 
+    /// The same hierarchy, in which triangle i has the number `numbers[i]`: ascending, so that ties go as before.
+    #[must_use]
+    pub fn numbered(mut self, numbers: &[u32]) -> Self {
+        self.tree.renumber(numbers);
+        self
+    }
+
     /// The nearest triangle along a ray; of equally near ones the lowest index.
     #[must_use]
     #[inline]
     pub fn closest(&self, ray: &Ray, rays: &mut RayCount) -> Option<Hit> {
         rays.0 += 1;
-        traverse::closest(&self.tree, ray)
+        traverse::closest(&self.tree, ray, |_| true)
+    }
+
+    /// The nearest triangle along a ray of those that `meets` says yes to, which may be asked about any triangle on the way, in any order and
+    /// more than once.
+    #[must_use]
+    #[inline]
+    pub fn closest_where(&self, ray: &Ray, rays: &mut RayCount, meets: impl Fn(&Hit) -> bool) -> Option<Hit> {
+        rays.0 += 1;
+        traverse::closest(&self.tree, ray, meets)
     }
 
     /// Whether anything lies along a ray.
@@ -77,6 +93,15 @@ impl Accel {
     #[inline]
     pub fn occluded(&self, ray: &Ray, rays: &mut RayCount) -> bool {
         rays.0 += 1;
-        traverse::occluded(&self.tree, ray)
+        traverse::occluded(&self.tree, ray, |_| true)
+    }
+
+    /// Whether anything along a ray blocks it; `blocks` is asked about every triangle on the way until it says yes, in any order and perhaps
+    /// more than once.
+    #[must_use]
+    #[inline]
+    pub fn occluded_where(&self, ray: &Ray, rays: &mut RayCount, blocks: impl FnMut(&Hit) -> bool) -> bool {
+        rays.0 += 1;
+        traverse::occluded(&self.tree, ray, blocks)
     }
 }

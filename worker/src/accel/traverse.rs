@@ -12,19 +12,21 @@ use glam::{Vec3, Vec4};
 /// A direction component this small counts as this large when it is inverted: 1/0 times a distance of 0 would be no number.
 const SMALLEST: f32 = 1e-18;
 
-pub(super) fn closest(tree: &Tree, ray: &Ray) -> Option<Hit> {
+#[inline]
+pub(super) fn closest(tree: &Tree, ray: &Ray, meets: impl Fn(&Hit) -> bool) -> Option<Hit> {
     match main_axis(ray.direction) {
-        0 => closest_along::<0>(tree, ray),
-        1 => closest_along::<1>(tree, ray),
-        _ => closest_along::<2>(tree, ray),
+        0 => closest_along::<0>(tree, ray, meets),
+        1 => closest_along::<1>(tree, ray, meets),
+        _ => closest_along::<2>(tree, ray, meets),
     }
 }
 
-pub(super) fn occluded(tree: &Tree, ray: &Ray) -> bool {
+#[inline]
+pub(super) fn occluded(tree: &Tree, ray: &Ray, blocks: impl FnMut(&Hit) -> bool) -> bool {
     match main_axis(ray.direction) {
-        0 => occluded_along::<0>(tree, ray),
-        1 => occluded_along::<1>(tree, ray),
-        _ => occluded_along::<2>(tree, ray),
+        0 => occluded_along::<0>(tree, ray, blocks),
+        1 => occluded_along::<1>(tree, ray, blocks),
+        _ => occluded_along::<2>(tree, ray, blocks),
     }
 }
 
@@ -72,7 +74,7 @@ impl Slabs {
 /// Nodes still to visit: at most WIDTH - 1 siblings wait on each level, and one node is current.
 const STACK: usize = MAX_DEPTH * (WIDTH - 1) + 1;
 
-fn closest_along<const K: usize>(tree: &Tree, ray: &Ray) -> Option<Hit> {
+fn closest_along<const K: usize>(tree: &Tree, ray: &Ray, meets: impl Fn(&Hit) -> bool) -> Option<Hit> {
     let (slabs, sheared) = (Slabs::new(ray), Sheared::<K>::new(ray.origin, ray.direction));
     let mut best = Hit { prim: u32::MAX, t: ray.tmax, u: 0.0, v: 0.0 };
     let mut stack = [(0.0f32, Child::ROOT); STACK];
@@ -87,8 +89,9 @@ fn closest_along<const K: usize>(tree: &Tree, ray: &Ray) -> Option<Hit> {
             for block in &tree.blocks[first..] {
                 sheared.cross(block, best.t, |lane, (t, u, v)| {
                     let prim = block.prims[lane];
-                    if t < best.t || (t == best.t && prim < best.prim) {
-                        best = Hit { prim, t, u, v };
+                    let hit = Hit { prim, t, u, v };
+                    if (t < best.t || (t == best.t && prim < best.prim)) && meets(&hit) {
+                        best = hit;
                     }
                 });
                 if block.last {
@@ -116,7 +119,7 @@ fn closest_along<const K: usize>(tree: &Tree, ray: &Ray) -> Option<Hit> {
     (best.prim != u32::MAX).then_some(best)
 }
 
-fn occluded_along<const K: usize>(tree: &Tree, ray: &Ray) -> bool {
+fn occluded_along<const K: usize>(tree: &Tree, ray: &Ray, mut blocks: impl FnMut(&Hit) -> bool) -> bool {
     let (slabs, sheared) = (Slabs::new(ray), Sheared::<K>::new(ray.origin, ray.direction));
     let mut stack = [Child::ROOT; STACK];
     let mut used = usize::from(!tree.nodes.is_empty());
@@ -134,7 +137,7 @@ fn occluded_along<const K: usize>(tree: &Tree, ray: &Ray) -> bool {
         };
         for block in &tree.blocks[first..] {
             let mut blocked = false;
-            sheared.cross(block, ray.tmax, |_, _| blocked = true);
+            sheared.cross(block, ray.tmax, |lane, (t, u, v)| blocked = blocked || blocks(&Hit { prim: block.prims[lane], t, u, v }));
             if blocked {
                 return true;
             }

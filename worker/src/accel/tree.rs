@@ -81,6 +81,11 @@ impl Tree {
         tree
     }
 
+    /// Gives every triangle another number.
+    pub(super) fn renumber(&mut self, numbers: &[u32]) {
+        self.blocks.iter_mut().flat_map(|b| &mut b.prims).for_each(|p| *p = numbers[*p as usize]);
+    }
+
     /// Emits wide nodes breadth first without recursion: the depth of the input is not ours to trust.
     fn collapse(&mut self, binary: &Bvh2, triangles: &[[Vec3; 3]], grow: f32) {
         self.nodes.push(Node::unused());

@@ -1,23 +1,25 @@
-//! How surfaces reflect: Lambert plus a normalised Phong lobe or a perfect mirror, as MTL materials mean it.
+//! How surfaces reflect: Lambert plus a normalised Phong lobe or a perfect mirror, as MTL materials mean it, or glTF's metallic-roughness.
 //!
-//! Directions are unit, local (z the normal) and point away from the surface. `eval` is in 1/sr and leaves the cosine to the caller. Only
-//! the front side reflects: a direction below the horizon has value and density zero, and a sample that lands there counts as zero.
+//! Directions are unit, local (z the normal that reflection sees) and point away from the surface. `eval` is in 1/sr and leaves the cosine to
+//! the caller. `wo` is above the horizon. Light from below has value and density zero but for transmission, and a sample that goes where there
+//! is no value counts as zero.
 
+pub mod coat;
 pub mod power;
-pub mod texture;
 
 #[cfg(test)]
 mod tests;
 
 use crate::sampling::warp::{self, INV_PI};
+use coat::Coat;
 use glam::Vec3;
 use kiln_proto::units::Rgb;
 use power::Exponent;
 
-/// What the specular part of a material is.
+/// What lies over the diffuse base of a material.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Specular {
-    /// There is none.
+    /// Nothing.
     None,
     /// Normalised modified Phong (Lewis 1994): Ks (n + 2)/(2 pi) max(0, r·wo)^n, r the mirror image of wi about the normal.
     Phong {
@@ -31,14 +33,16 @@ pub enum Specular {
         /// Ks.
         ks: Rgb,
     },
+    /// Microfacets, which also decide how much light the base gets.
+    Coat(Coat),
 }
 
 /// A material at one point, textures looked up.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Bsdf {
-    /// Kd.
+    /// Kd, or the diffuse reflectance under a coat.
     pub diffuse: Rgb,
-    /// The specular part.
+    /// What lies over it.
     pub specular: Specular,
 }
 
@@ -60,30 +64,70 @@ pub fn mirror(w: Vec3) -> Vec3 {
     Vec3::new(-w.x, -w.y, w.z)
 }
 
+/// The mirror image of a local direction behind the surface.
+#[must_use]
+#[inline]
+pub fn behind(w: Vec3) -> Vec3 {
+    Vec3::new(w.x, w.y, -w.z)
+}
+
+/// Probabilities of sampling the parts of a material.
+#[derive(Clone, Copy)]
+struct Shares {
+    specular: f32,
+    through: f32,
+}
+
 impl Bsdf {
+    /// Reflects nothing.
+    pub const BLACK: Bsdf = Bsdf { diffuse: Rgb::BLACK, specular: Specular::None };
+
     /// Whether it reflects nothing at all.
     #[must_use]
     pub fn is_black(&self) -> bool {
-        self.diffuse.is_black() && self.ks().is_black()
+        self.diffuse.is_black()
+            && match self.specular {
+                Specular::None => true,
+                Specular::Phong { ks, .. } | Specular::Mirror { ks } => ks.is_black(),
+                Specular::Coat(c) => c.normal.is_black() && c.rise.is_black() && c.through.is_black(),
+            }
     }
 
     /// Whether some of it can be evaluated toward a given direction (all but a pure mirror).
     #[must_use]
     pub fn is_smooth(&self) -> bool {
-        !self.diffuse.is_black() || matches!(self.specular, Specular::Phong { .. })
+        let lobe = match self.specular {
+            Specular::Phong { .. } => true,
+            Specular::Coat(c) => c.alpha > 0.0,
+            Specular::None | Specular::Mirror { .. } => false,
+        };
+        lobe || !self.diffuse.is_black()
+    }
+
+    /// Whether light from behind the surface counts.
+    #[must_use]
+    pub fn is_translucent(&self) -> bool {
+        matches!(self.specular, Specular::Coat(c) if c.alpha > 0.0 && !c.through.is_black())
     }
 
     /// Value toward `wo` of light from `wi`, 1/sr, without delta lobes.
     #[must_use]
     #[inline]
     pub fn eval(&self, wi: Vec3, wo: Vec3) -> Rgb {
-        if wi.z <= 0.0 || wo.z <= 0.0 {
+        if wo.z <= 0.0 {
             return Rgb::BLACK;
+        }
+        if wi.z <= 0.0 {
+            return match self.specular {
+                Specular::Coat(coat) if wi.z < 0.0 && self.is_translucent() => coat.transmitted(behind(wi), wo),
+                _ => Rgb::BLACK,
+            };
         }
         let diffuse = self.diffuse * INV_PI;
         match self.specular {
             Specular::Phong { ks, exponent } => diffuse + ks * (exponent.eval_norm() * exponent.raise(mirror(wi).dot(wo))),
             Specular::None | Specular::Mirror { .. } => diffuse,
+            Specular::Coat(coat) => coat.reflected(self.diffuse, wi, wo),
         }
     }
 
@@ -91,14 +135,21 @@ impl Bsdf {
     #[must_use]
     #[inline]
     pub fn pdf(&self, wi: Vec3, wo: Vec3) -> f32 {
-        if wi.z <= 0.0 || wo.z <= 0.0 {
+        if wo.z <= 0.0 {
             return 0.0;
         }
-        let share = self.specular_share();
-        let diffuse = (1.0 - share) * INV_PI * wi.z;
+        let shares = self.shares(wo.z);
+        if wi.z <= 0.0 {
+            return match self.specular {
+                Specular::Coat(coat) if wi.z < 0.0 && shares.through > 0.0 => shares.through * coat.pdf(behind(wi), wo),
+                _ => 0.0,
+            };
+        }
+        let diffuse = (1.0 - shares.specular - shares.through) * INV_PI * wi.z;
         match self.specular {
-            Specular::Phong { exponent, .. } => diffuse + share * exponent.pdf_norm() * exponent.raise(mirror(wo).dot(wi)),
-            Specular::None | Specular::Mirror { .. } => diffuse,
+            Specular::Phong { exponent, .. } => diffuse + shares.specular * exponent.pdf_norm() * exponent.raise(mirror(wo).dot(wi)),
+            Specular::Coat(coat) if coat.alpha > 0.0 => diffuse + shares.specular * coat.pdf(wi, wo),
+            Specular::None | Specular::Mirror { .. } | Specular::Coat(_) => diffuse,
         }
     }
 
@@ -110,24 +161,52 @@ impl Bsdf {
             return None;
         }
         // One number decides which part is sampled and is stretched to serve again.
-        let share = self.specular_share();
-        let wi = if u[0] < share {
-            u[0] /= share;
+        let shares = self.shares(wo.z);
+        let passed = shares.specular + shares.through;
+        if u[0] < shares.specular {
+            u[0] /= shares.specular;
+            let delta = |f: Rgb| Some(Bounce { wi: mirror(wo), weight: f * (1.0 / shares.specular), pdf: None });
             match self.specular {
-                Specular::Mirror { ks } => return Some(Bounce { wi: mirror(wo), weight: ks * (1.0 / share), pdf: None }),
-                Specular::Phong { exponent, .. } => warp::power_lobe(mirror(wo), exponent.value(), u),
-                Specular::None => return None,
+                Specular::Mirror { ks } => delta(ks),
+                Specular::Coat(coat) if coat.alpha <= 0.0 => delta(coat.mirrored(wo.z)),
+                Specular::Phong { exponent, .. } => self.bounce(above(warp::power_lobe(mirror(wo), exponent.value(), u))?, wo),
+                Specular::Coat(coat) => self.bounce(above(coat.sample(wo, u))?, wo),
+                Specular::None => None,
             }
+        } else if u[0] < passed {
+            u[0] = (u[0] - shares.specular) / shares.through;
+            let Specular::Coat(coat) = self.specular else { return None };
+            self.bounce(behind(above(coat.sample(wo, u))?), wo)
         } else {
-            u[0] = (u[0] - share) / (1.0 - share);
-            warp::cosine_hemisphere(u)
-        };
-        let pdf = self.pdf(wi, wo);
-        (pdf > 0.0).then(|| Bounce { wi, weight: self.eval(wi, wo) * (wi.z / pdf), pdf: Some(pdf) })
+            u[0] = (u[0] - passed) / (1.0 - passed);
+            self.bounce(warp::cosine_hemisphere(u), wo)
+        }
     }
 
-    /// The share of a unit of light from the normal that is reflected: Kd + Ks exactly, by the lobe's normalisation. Toward grazing
-    /// directions a Phong lobe reflects less, never more.
+    fn bounce(&self, wi: Vec3, wo: Vec3) -> Option<Bounce> {
+        let pdf = self.pdf(wi, wo);
+        (pdf > 0.0).then(|| Bounce { wi, weight: self.eval(wi, wo) * (wi.z.abs() / pdf), pdf: Some(pdf) })
+    }
+
+    /// Each part is sampled with its share of the reflectance, the specular one of a coat with what it has toward this cosine. The base keeps
+    /// the share that it has from above: light from the side reaches it also where the viewer sees little but reflections.
+    #[inline]
+    fn shares(&self, cos: f32) -> Shares {
+        let (ks, through, kd) = match self.specular {
+            Specular::None => (0.0, 0.0, self.diffuse.mean()),
+            Specular::Phong { ks, .. } | Specular::Mirror { ks } => (ks.mean(), 0.0, self.diffuse.mean()),
+            Specular::Coat(coat) => {
+                let through = if coat.alpha > 0.0 { coat.through.mean() * coat.kept } else { 0.0 };
+                (coat.mirrored(cos).mean(), through, self.diffuse.mean() * coat.kept)
+            }
+        };
+        let all = ks + through + kd;
+        if ks + through > 0.0 { Shares { specular: ks / all, through: through / all } } else { Shares { specular: 0.0, through: 0.0 } }
+    }
+
+    /// The share of a unit of light from the normal that is reflected or let through. Phong: Kd + Ks exactly, by the lobe's normalisation; a
+    /// coat: what perfectly smooth facets would reflect, which rough ones only fall short of. Toward grazing directions a Phong lobe reflects
+    /// less, never more.
     #[must_use]
     pub fn albedo(&self) -> Rgb {
         self.diffuse + self.ks()
@@ -137,13 +216,13 @@ impl Bsdf {
         match self.specular {
             Specular::None => Rgb::BLACK,
             Specular::Phong { ks, .. } | Specular::Mirror { ks } => ks,
+            Specular::Coat(coat) => coat.normal,
         }
     }
+}
 
-    /// The probability of sampling the specular part: its share of the reflectance.
-    #[inline]
-    fn specular_share(&self) -> f32 {
-        let (ks, kd) = (self.ks().mean(), self.diffuse.mean());
-        if ks > 0.0 { ks / (ks + kd) } else { 0.0 }
-    }
+/// A sampled direction, unless it lies below the horizon.
+#[inline]
+fn above(w: Vec3) -> Option<Vec3> {
+    (w.z > 0.0).then_some(w)
 }

@@ -1,7 +1,10 @@
 //! Where on a texel samples arrive: jittered over the part of its square that the chart covers, or at one point.
 
 use crate::sampling::{Dimension, TexelKey};
-use kiln_proto::texel::{SurfacePoint, SurfaceRaster, Texel};
+use kiln_proto::{
+    frame::Frame,
+    texel::{SurfacePoint, SurfaceRaster, Texel},
+};
 
 /// Jitters tried before a sample falls back to the centre. A texel that the chart covers by a tenth is missed by all with chance 0.43; the
 /// centre, which is always covered, then counts a little more than its share.
@@ -21,6 +24,30 @@ pub(crate) enum Points<'a> {
 }
 
 impl Points<'_> {
+    /// The triangle of the centre.
+    pub(crate) fn triangle(&self) -> u32 {
+        match self {
+            Points::Fixed(point) => point.triangle,
+            Points::Area { texel, .. } => texel.triangle,
+        }
+    }
+
+    /// The point that is always covered.
+    pub(crate) fn centre(&self) -> SurfacePoint {
+        match self {
+            Points::Fixed(point) => *point,
+            Points::Area { raster, texel } => raster.centre(texel),
+        }
+    }
+
+    /// The surface's frame at a point, where it differs from that of the centre.
+    pub(crate) fn frame(&self, point: &SurfacePoint) -> Option<Frame> {
+        match self {
+            Points::Fixed(_) => None,
+            Points::Area { raster, .. } => raster.frame(point),
+        }
+    }
+
     /// The point of the `index`-th sample; `dimension` numbers the attempts.
     pub(crate) fn at(&self, key: TexelKey, index: u32, dimension: fn(u32) -> Dimension) -> SurfacePoint {
         match self {

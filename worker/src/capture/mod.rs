@@ -2,19 +2,33 @@
 //!
 //! A [`Capture`] joins a traced scene with a job's plan. Texels are independent: each is a function of (scene, settings, surface, texel), so
 //! tiles run on any number of threads, and a gutter texel is computed by whoever needs it.
+//!
+//! What a texel holds is what its surface emits, reflects and scatters through, never multiplied by its opacity: a viewer covers what lies behind
+//! by that. Light that passes straight through, a blended surface or clear glass, is not in it; light that rough glass scatters is.
 
+mod directions;
+mod draw;
+mod facets;
 pub(crate) mod footprint;
 mod gather;
 pub(crate) mod hemisphere;
 mod probe;
+mod punctual;
+pub(crate) mod site;
 
+#[cfg(test)]
+mod material_tests;
+#[cfg(test)]
+mod reference_tests;
+#[cfg(test)]
+mod smooth_tests;
 #[cfg(test)]
 mod tests;
 
 use crate::{sampling::TexelKey, scene::BakeScene};
 pub(crate) use footprint::Points;
 use glam::Vec3;
-use hemisphere::{Budget, Scratch, Site, Views};
+use hemisphere::{Budget, Scratch, Views};
 use kiln_proto::{
     plan::Plan,
     settings::{BakeSettings, Footprint},
@@ -23,6 +37,7 @@ use kiln_proto::{
     units::Rgb,
 };
 use rayon::prelude::*;
+use site::Site;
 use std::{collections::BTreeSet, sync::Arc};
 
 /// A job ready to be captured.

@@ -44,7 +44,7 @@ impl Capture {
         let mut light = vec![Rgb::BLACK; self.directions.len()];
         let budget = Budget { samples: SAMPLES.min(self.plan.settings.samples), max_depth: self.plan.settings.max_depth };
         let rays = self.capture_texel(surface, &texel, budget, scratch, &mut light);
-        if !self.scene.material(surface).is_emissive() {
+        if !self.scene.material_of(self.scene.prim_of(surface, texel.triangle)).is_emissive() {
             light.iter().for_each(|l| sums.count(l.max_channel()));
         }
         sums.variation[surface] = (self.variation(Walk::Phi, &light), self.variation(Walk::Theta, &light));

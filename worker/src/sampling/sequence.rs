@@ -17,6 +17,8 @@ impl Dimension {
     pub const LOBE: Dimension = Dimension(2);
     /// A point on a light, shared by all directions.
     pub const LIGHT: Dimension = Dimension(3);
+    /// Which of many lights without area.
+    pub const PUNCTUAL: Dimension = Dimension(4);
 
     /// A point of the footprint of an incident sample; `attempt` counts misses.
     #[must_use]
@@ -28,6 +30,18 @@ impl Dimension {
     #[must_use]
     pub fn light_footprint(attempt: u32) -> Dimension {
         Dimension(32 + attempt)
+    }
+
+    /// A point of the footprint that lights without area shine on; `attempt` counts misses.
+    #[must_use]
+    pub fn punctual_footprint(attempt: u32) -> Dimension {
+        Dimension(48 + attempt)
+    }
+
+    /// Which light without area, seen from the vertex whose light arrives at `depth`.
+    #[must_use]
+    pub fn punctual(depth: u32) -> Dimension {
+        Dimension(256 + depth)
     }
 
     /// A point on a light, seen from the vertex whose light arrives at `depth`.
@@ -52,6 +66,13 @@ impl TexelKey {
     #[must_use]
     pub fn new(seed: u64, surface: u32, texel: u64) -> Self {
         Self(mix(mix(mix(seed) ^ u64::from(surface)) ^ texel))
+    }
+
+    /// A 64-bit name of the ray that leaves the vertex at `depth` of the `index`-th path.
+    #[must_use]
+    #[inline]
+    pub fn salt(self, index: u32, depth: u32) -> u64 {
+        mix(self.0 ^ (u64::from(depth) << 32 | u64::from(index)))
     }
 
     /// The `index`-th point of the sequence of a dimension, in [0, 1)².

@@ -100,7 +100,7 @@ async fn requests_that_cannot_work_are_refused_with_the_reason() {
     assert!(matches!(engine.create_job(unknown).await, Err(EngineError::NotFound { what: "scene", .. })));
     let escape = engine.spool().unwrap().into_temp_path().keep().unwrap();
     let files = vec![UploadedFile { name: "../../etc/passwd".into(), path: escape }];
-    assert!(matches!(engine.add_scene(files).await, Err(EngineError::Invalid(_))));
+    assert!(matches!(engine.add_scene(files, kiln_proto::options::ImportOptions::default()).await, Err(EngineError::Invalid(_))));
     assert!(matches!(engine.package(JobId::random()).await, Err(EngineError::NotFound { .. })));
     let old = Hello { bake_version: BAKE_VERSION + 1, name: "next".into(), threads: 1, features: vec![] };
     assert!(matches!(engine.hello(&old).await, Err(Refusal::Incompatible { bake_version: BAKE_VERSION, .. })));

@@ -23,6 +23,7 @@ use futures_util::TryStreamExt;
 use kiln_proto::{
     BAKE_VERSION,
     ids::{Digest, JobId, SceneHash, Token, WorkerId},
+    options::ImportOptions,
     plan::Plan,
     probe::ProbeSums,
     scene::Scene,
@@ -83,8 +84,8 @@ fn segment(phase: Phase, tile: u64, light: f32) -> Vec<u8> {
 struct Toy;
 
 impl Pipeline for Toy {
-    fn import(&self, files: Vec<(String, PathBuf)>, scratch: &Path) -> Result<Imported, Vec<Problem>> {
-        Kiln.import(files, scratch)
+    fn import(&self, files: Vec<(String, PathBuf)>, options: &ImportOptions, scratch: &Path) -> Result<Imported, Vec<Problem>> {
+        Kiln.import(files, options, scratch)
     }
     fn plan(&self, scene: &Scene, hash: SceneHash, settings: &BakeSettings) -> Result<(Plan, Vec<Problem>), Problem> {
         Kiln.plan(scene, hash, settings)
@@ -219,7 +220,7 @@ async fn upload(engine: &Engine, files: &[(&str, &str)]) -> SceneRecord {
         file.write_all(text.as_bytes()).unwrap();
         UploadedFile { name: (*name).into(), path: file.into_temp_path().keep().unwrap() }
     };
-    engine.add_scene(files.iter().map(spool).collect()).await.unwrap()
+    engine.add_scene(files.iter().map(spool).collect(), ImportOptions::default()).await.unwrap()
 }
 
 async fn ready_scene(engine: &Engine) -> SceneRecord {

@@ -13,6 +13,7 @@ use crate::{
 use kiln_proto::{
     BAKE_VERSION,
     ids::{Digest, SceneHash, WorkerId},
+    options::ImportOptions,
     plan::Plan,
     probe::ProbeSums,
     scene::Scene,
@@ -35,8 +36,8 @@ fn segment(tile: TileIndex) -> Vec<u8> {
 }
 
 impl Pipeline for Names {
-    fn import(&self, files: Vec<(String, PathBuf)>, scratch: &Path) -> Result<Imported, Vec<Problem>> {
-        Kiln.import(files, scratch)
+    fn import(&self, files: Vec<(String, PathBuf)>, options: &ImportOptions, scratch: &Path) -> Result<Imported, Vec<Problem>> {
+        Kiln.import(files, options, scratch)
     }
     fn plan(&self, scene: &Scene, hash: SceneHash, settings: &BakeSettings) -> Result<(Plan, Vec<Problem>), Problem> {
         Kiln.plan(scene, hash, settings)

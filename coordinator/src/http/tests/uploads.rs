@@ -80,3 +80,49 @@ async fn a_client_that_goes_away_leaves_nothing_behind() {
     assert!(upload.await.unwrap_err().is_cancelled());
     assert_eq!(bench.files(), before);
 }
+
+/// Two pixels of 0.125 as Radiance has them.
+const HDR: &str = "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 2\n@@@\x7f@@@\x7f";
+
+#[tokio::test]
+async fn import_options_come_by_query_and_are_recorded_with_the_scene() {
+    let bench = Bench::new().await;
+    let body = || parts(&[("scene", Some("a.obj"), OBJ), ("sky", Some("sky.hdr"), HDR)]);
+    let query = "environment=sky.hdr&environment_rotation=-90&environment_intensity=2&x3d_shadows=strict";
+    let scene = bench.post_parts(&format!("/v1/scenes?{query}"), body()).await.json();
+    let expected = serde_json::json!({
+        "environment": "sky.hdr", "environment_rotation": -90.0, "environment_intensity": 2.0,
+        "light_units": "x3d", "x3d_shadows": "strict", "x3d_projectors": "surface", "x3d_outside_map": "lit",
+    });
+    assert_eq!(scene["options"], expected, "{scene}");
+    assert_eq!(scene["state"], "ready");
+    assert_eq!(bench.get(&format!("/v1/scenes/{}", scene["id"].as_str().unwrap())).await.json()["options"], expected);
+    let plain = bench.post_parts("/v1/scenes", body()).await.json();
+    assert_ne!(plain["scene"], scene["scene"], "read otherwise, it is another scene");
+    let two = parts(&[("scene", Some("a.obj"), OBJ), ("another", Some("b.obj"), OBJ)]);
+    assert_eq!(bench.post_parts("/v1/scenes", two.clone()).await.problem().1, "scene-rejected");
+    assert_eq!(bench.post_parts("/v1/scenes?main=b.obj", two).await.json()["options"]["main"], "b.obj");
+    let baked = bench.post_parts(&format!("/v1/bakes?{query}&priority=3"), body()).await.json();
+    assert_eq!((&baked["scene"]["scene"], &baked["job"]["priority"]), (&scene["scene"], &serde_json::json!(3)));
+}
+
+#[tokio::test]
+async fn bad_import_options_are_refused_by_name() {
+    let bench = Bench::new().await;
+    let before = bench.files();
+    for (query, word) in [
+        ("enviroment=sky.hdr", "enviroment"),
+        ("x3d_shadows=strickt", "strickt"),
+        ("time=-1", "time"),
+        ("time=soon", "time"),
+        ("environment_intensity=2", "environment_intensity"),
+    ] {
+        for path in ["/v1/scenes", "/v1/bakes"] {
+            let (status, _, detail) = bench.post_parts(&format!("{path}?{query}"), parts(&[("s", Some("a.obj"), OBJ)])).await.problem();
+            assert!(status == 400 && detail.contains(word), "{path}?{query}: {status} {detail}");
+        }
+    }
+    assert_eq!(bench.files(), before);
+    let missing = bench.post_parts("/v1/scenes?environment=sky.hdr", parts(&[("s", Some("a.obj"), OBJ)])).await.problem();
+    assert!(missing.1 == "scene-rejected" && missing.2.contains("`sky.hdr` is not among the files"), "{missing:?}");
+}

@@ -9,7 +9,7 @@ mod collect;
 mod path;
 
 pub use collect::collect;
-pub use path::BundlePath;
+pub use path::{BadPath, BundlePath, Paths};
 
 use super::format::{self, Format};
 use crate::records::Problem;
@@ -83,33 +83,39 @@ impl Bundle {
             };
         }
         let only = parts.len() == 1;
-        let mut files = BTreeMap::new();
+        let (mut files, mut paths) = (BTreeMap::new(), Paths::default());
         for part in parts {
             let name = if only && part.name.is_empty() { UNNAMED } else { &part.name };
-            let path = BundlePath::parse(name).map_err(|e| problem(&part.name, e.to_string()))?;
-            if files.contains_key(&path) {
-                return Err(problem(path.as_str(), "the upload has two files of this name"));
-            }
+            let path = paths.take(name).map_err(|e| problem(&part.name, e.to_string()))?;
+            refuse_archive(&path, &head(&part)?)?;
             files.insert(path, part.content);
         }
         Self::new(files, choice, None)
     }
 
     fn new(files: BTreeMap<BundlePath, Content>, choice: Option<&str>, scratch: Option<TempDir>) -> Result<Self, Problem> {
-        if files.len() > limits::BUNDLE_FILES {
-            return Err(plain(format!("the bundle has {} files; at most {} are allowed", files.len(), limits::BUNDLE_FILES)));
-        }
         let main = choose_main(&files, choice)?;
         let mut bundle = Self { main, files, folded: BTreeMap::new(), names: BTreeMap::new(), _scratch: scratch };
-        let total = bundle.files.iter().try_fold(0u64, |sum, (path, content)| Ok::<u64, Problem>(sum + length(path, content)?))?;
+        bundle.index()?;
+        Ok(bundle)
+    }
+
+    /// Checks the bounds and makes the tables by which references are found.
+    fn index(&mut self) -> Result<(), Problem> {
+        if self.files.len() > limits::BUNDLE_FILES {
+            return Err(plain(format!("the bundle has {} files; at most {} are allowed", self.files.len(), limits::BUNDLE_FILES)));
+        }
+        let total = self.files.iter().try_fold(0u64, |sum, (path, content)| Ok::<u64, Problem>(sum + length(path, content)?))?;
         if total > limits::BUNDLE_BYTES {
             return Err(plain(format!("the bundle has {total} bytes; at most {} are allowed", limits::BUNDLE_BYTES)));
         }
-        for path in bundle.files.keys() {
-            bundle.folded.entry(path.as_str().to_lowercase()).or_default().push(path.clone());
-            bundle.names.entry(path.file_name().to_lowercase()).or_default().push(path.clone());
+        self.folded.clear();
+        self.names.clear();
+        for path in self.files.keys() {
+            self.folded.entry(path.as_str().to_lowercase()).or_default().push(path.clone());
+            self.names.entry(path.file_name().to_lowercase()).or_default().push(path.clone());
         }
-        Ok(bundle)
+        Ok(())
     }
 
     /// The scene file.
@@ -121,6 +127,29 @@ impl Bundle {
     /// All paths with their contents, in order of path.
     pub fn files(&self) -> impl Iterator<Item = (&BundlePath, &Content)> {
         self.files.iter()
+    }
+
+    /// Adds a local file that the scene itself does not name, beside its main file, under its own name or, where that is taken by another
+    /// file, under one with a number. Returns the name by which [`Bundle::find`] finds it from the main file.
+    ///
+    /// # Errors
+    /// A name that cannot be one in a bundle, a file that cannot be read, or more than a bundle may hold.
+    pub fn add(&mut self, local: &Path) -> Result<String, Problem> {
+        let shown = local.display().to_string();
+        let name = local.file_name().and_then(|n| n.to_str()).ok_or_else(|| problem(&shown, "this is not the name of a file"))?;
+        if !local.is_file() {
+            return Err(problem(&shown, if local.exists() { "this is not a file" } else { "there is no such file" }));
+        }
+        let content = Content::File(local.to_owned());
+        let numbered = (0..=self.files.len()).map(|k| if k == 0 { name.to_owned() } else { format!("{k}-{name}") });
+        let free = numbered.map(|name| (self.main.join(&name), name)).find(|(path, _)| {
+            let taken = path.as_ref().and_then(|p| self.files.get(p));
+            taken.is_none_or(|found| same_file(found, local))
+        });
+        let Some((Some(path), name)) = free else { return Err(problem(&shown, "this cannot be the name of a file in a bundle")) };
+        self.files.insert(path, content);
+        self.index()?;
+        Ok(name)
     }
 
     /// The bytes of a file of at most `max` bytes.
@@ -158,6 +187,14 @@ impl Bundle {
     }
 }
 
+/// Archives inside a bundle would have to be unpacked to be of use, and theirs in turn.
+fn refuse_archive(path: &BundlePath, head: &[u8]) -> Result<(), Problem> {
+    if format::detect(path.as_str(), head) == Format::Zip {
+        return Err(problem(path.as_str(), "this is a ZIP inside the bundle, which is not unpacked; send its files themselves"));
+    }
+    Ok(())
+}
+
 fn choose_main(files: &BTreeMap<BundlePath, Content>, choice: Option<&str>) -> Result<BundlePath, Problem> {
     if let Some(choice) = choice {
         let path = BundlePath::parse(choice).map_err(|e| problem(choice, e.to_string()))?;
@@ -180,7 +217,7 @@ fn no_scene(files: &BTreeMap<BundlePath, Content>) -> Problem {
     match other {
         Some((path, what)) => format::refusal(path.as_str(), what),
         None if files.is_empty() => plain("the bundle is empty".to_owned()),
-        None => plain("the bundle has no scene (.obj, .gltf or .glb)".to_owned()),
+        None => plain("the bundle has no scene (.obj, .gltf, .glb, .x3d, .x3dv, .x3dj, .wrl or one of these packed by gzip)".to_owned()),
     }
 }
 
@@ -194,6 +231,12 @@ fn head(part: &Part) -> Result<Vec<u8>, Problem> {
         }
     }
     Ok(head)
+}
+
+/// Whether a content is this very local file.
+fn same_file(content: &Content, local: &Path) -> bool {
+    let Content::File(own) = content else { return false };
+    own.canonicalize().is_ok_and(|own| local.canonicalize().is_ok_and(|local| own == local))
 }
 
 fn length(path: &BundlePath, content: &Content) -> Result<u64, Problem> {

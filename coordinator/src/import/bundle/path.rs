@@ -1,7 +1,7 @@
 //! Paths inside a bundle: relative, with `/`, without a way out.
 
 use kiln_proto::limits;
-use std::fmt;
+use std::{collections::BTreeSet, fmt};
 
 /// A safe relative path: non-empty components joined by `/`, none of them `.` or `..`, no drive, no control characters.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -22,6 +22,25 @@ pub enum BadPath {
     /// NUL and its kin.
     #[error("the path has control characters")]
     Control,
+    /// A second file of a name.
+    #[error("another file of the bundle has this name, or one that differs in case only")]
+    Twice,
+}
+
+/// The names of a bundle in the making, whatever it comes as: each is safe, and they are distinct also where case is ignored, because nobody
+/// knows on which system the scene refers to them.
+#[derive(Debug, Default)]
+pub struct Paths(BTreeSet<String>);
+
+impl Paths {
+    /// Takes the name of one more file, as a client, an archive or a folder gives it.
+    ///
+    /// # Errors
+    /// Those of [`BundlePath::parse`], and a name that is taken.
+    pub fn take(&mut self, name: &str) -> Result<BundlePath, BadPath> {
+        let path = BundlePath::parse(name)?;
+        if self.0.insert(path.as_str().to_lowercase()) { Ok(path) } else { Err(BadPath::Twice) }
+    }
 }
 
 impl BundlePath {
@@ -120,6 +139,17 @@ mod tests {
             assert_eq!(BundlePath::parse(path), Err(error), "{path:?}");
         }
         assert_eq!(BundlePath::parse(&"x".repeat(2_000)), Err(BadPath::Length));
+    }
+
+    #[test]
+    fn names_are_distinct_however_they_are_written() {
+        let mut paths = Paths::default();
+        assert_eq!(paths.take("Tex\\Wood.png").unwrap().as_str(), "Tex/Wood.png");
+        for same in ["Tex/Wood.png", "tex/wood.PNG", "./Tex//Wood.png"] {
+            assert_eq!(paths.take(same), Err(BadPath::Twice), "{same}");
+        }
+        assert_eq!(paths.take("../a"), Err(BadPath::Parent));
+        assert!(paths.take("tex/wood2.png").is_ok());
     }
 
     #[test]

@@ -3,11 +3,11 @@
 //! Materials become canonical ones as primitives ask for them: what nothing shows never reaches the scene, nor do its images.
 
 use super::{
-    coat,
     json::Json,
     report::{ANY, POSITIVE, Report, SHARE},
     texture::Textures,
 };
+use crate::import::coat;
 use kiln_proto::{
     math,
     scene::{AlphaMode, Coding, LayerMode, Mapping, Material, MetallicRoughness, NormalMap, Opacity, Reflection, TextureLayer},
@@ -204,10 +204,8 @@ impl<'a, 'd> Materials<'a, 'd> {
         let specular = rgb(report.vector(extension, "specularFactor", &SHARE).unwrap_or([1.0; 3]));
         let gloss = report.number(extension, "glossinessFactor", 1.0, &SHARE) as f32;
         report.warn_once(extension, "gloss", "KHR_materials_pbrSpecularGlossiness was converted to metallic-roughness (said once)");
-        let texture = self.textures.find(extension, "specularGlossinessTexture", Coding::Srgb, false, report);
-        if texture.is_some_and(|t| t.transparent) {
-            report.count(extension, "glossiness in textures was not read; the glossiness factor is used everywhere");
-        }
+        let texture = self.textures.find(extension, "specularGlossinessTexture", Coding::Srgb, true, report);
+        let rough = texture.filter(|t| t.transparent).and_then(|t| self.textures.roughness_of(extension, t.reference, gloss, report));
         let most = specular.max_channel();
         let ior = coat::ior_of(most);
         let scale = if most > 0.0 { 1.0 / most } else { 0.0 };
@@ -216,7 +214,8 @@ impl<'a, 'd> Materials<'a, 'd> {
             ior,
             specular_color: specular * scale,
             specular_color_texture: texture.map(|t| t.reference),
-            ..MetallicRoughness::plain(base.color, 0.0, 1.0 - gloss)
+            metallic_roughness_texture: rough,
+            ..MetallicRoughness::plain(base.color, 0.0, if rough.is_some() { 1.0 } else { 1.0 - gloss })
         }
     }
 

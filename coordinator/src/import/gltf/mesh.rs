@@ -105,19 +105,7 @@ fn primitive<'s, 'd>(
     report: &mut Report<'_>,
 ) -> Option<Primitive<'s, 'd>> {
     let material = report.index(json, "material", "material", materials);
-    let topology = match report.integer(json, "mode", 4) {
-        0..=3 => {
-            report.count(json, "primitives of points or lines were ignored, only triangles are surfaces");
-            return None;
-        }
-        4 => Topology::Triangles,
-        5 => Topology::Strip,
-        6 => Topology::Fan,
-        other => {
-            report.error(json, format!("the mode {other} is none; modes go from 0 to 6"));
-            return None;
-        }
-    };
+    let topology = topology(json, report)?;
     let attributes = report.required(json, "attributes")?;
     let Some(at) = attributes.get("POSITION") else {
         report.warn(attributes, "the primitive has no POSITION and was left out");
@@ -157,6 +145,23 @@ fn primitive<'s, 'd>(
     }
     primitive.check_count(report);
     Some(primitive)
+}
+
+/// How a primitive makes triangles; `None` where it makes none.
+fn topology(json: Json<'_>, report: &mut Report<'_>) -> Option<Topology> {
+    match report.integer(json, "mode", 4) {
+        4 => Some(Topology::Triangles),
+        5 => Some(Topology::Strip),
+        6 => Some(Topology::Fan),
+        0..=3 => {
+            report.count(json, "primitives of points or lines were ignored, only triangles are surfaces");
+            None
+        }
+        other => {
+            report.error(json, format!("the mode {other} is none; modes go from 0 to 6"));
+            None
+        }
+    }
 }
 
 impl<'s, 'd> Primitive<'s, 'd> {

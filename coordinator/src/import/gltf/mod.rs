@@ -9,7 +9,6 @@
 mod accessor;
 mod animation;
 mod buffer;
-mod coat;
 mod container;
 mod deform;
 mod element;
@@ -52,7 +51,7 @@ pub(super) fn references(name: &str, bytes: &[u8]) -> Vec<(u32, String)> {
     let Ok(document) = Document::parse(parts.text) else { return found };
     let lists = ["buffers", "images"].into_iter().filter_map(|list| document.root().get(list));
     for at in lists.flat_map(Json::items).filter_map(|item| item.get("uri")).take(limits::BUNDLE_FILES) {
-        found.extend(at.string().and_then(|uri| uri::path(&uri)).map(|path| (at.line(), path)));
+        found.extend(at.string().and_then(|uri| super::uri::path(&uri)).map(|path| (at.line(), path)));
     }
     found
 }

@@ -16,6 +16,8 @@ use std::{
 
 /// Integers up to here are exact in a JSON number (IEEE 754 binary64).
 const EXACT: f64 = 9_007_199_254_740_992.0;
+/// Entries of one list: what they become in memory is a hundred times what the shortest of them takes in the file.
+const LIST: usize = 1 << 20;
 /// Any number that an f32 holds.
 pub(super) const ANY: RangeInclusive<f64> = -(f32::MAX as f64)..=f32::MAX as f64;
 /// A share.
@@ -230,6 +232,11 @@ impl<'f> Report<'f> {
         let Some(json) = object.get(name) else { return vec![] };
         if json.kind() != Kind::Array {
             self.error(json, format!("this is {}, not a list", named(json.kind())));
+            return vec![];
+        }
+        let found = json.len();
+        if found > LIST {
+            self.error(json, format!("the list has {found} entries; at most {LIST} are read"));
             return vec![];
         }
         let list: Vec<Json<'d>> = json.items().collect();

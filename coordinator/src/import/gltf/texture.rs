@@ -135,6 +135,18 @@ impl<'a, 'd> Textures<'a, 'd> {
         }
     }
 
+    /// The roughness, in green, that belongs to the glossiness in the alpha channel of a texture.
+    pub(super) fn roughness_of(&mut self, at: Json<'_>, gloss: TextureRef, factor: f32, report: &mut Report<'_>) -> Option<TextureRef> {
+        let name = format!("{}~roughness of glossiness {factor}", self.images.textures.get(gloss.texture as usize)?.name);
+        let texel = |texel: &[u8]| {
+            let rough = 255.0 - factor * f32::from(texel.get(3).copied().unwrap_or(255));
+            [0, (rough + 0.5) as u8, 0]
+        };
+        let (at, findings) = report.raw(at);
+        let image = self.images.derive(&name, gloss.texture, texel, at, findings)?;
+        Some(TextureRef { texture: image.id, ..gloss })
+    }
+
     /// Checks what a texture info refers to, without decoding anything.
     pub(super) fn check(&self, info: Json<'_>, report: &mut Report<'_>) {
         report.index(info, "index", "texture", self.textures.len());

@@ -24,7 +24,7 @@ use std::ops::Range;
 pub struct Channel<T> {
     /// The values.
     pub values: Vec<T>,
-    /// For each corner of the mesh, in its order, an index into `values`.
+    /// For each corner of the mesh, in its order, an index into `values`; one beyond them, such as `u32::MAX`, where a corner has none.
     pub at: Vec<u32>,
 }
 
@@ -35,7 +35,13 @@ impl<T> Default for Channel<T> {
 }
 
 impl<T: Copy> Channel<T> {
-    /// The value at a corner.
+    /// The value at a corner, where it has one.
+    #[must_use]
+    pub fn find(&self, corner: usize) -> Option<T> {
+        self.values.get(*self.at.get(corner)? as usize).copied()
+    }
+
+    /// The value at a corner of a channel in which every corner has one.
     #[must_use]
     pub fn get(&self, corner: usize) -> T {
         self.values[self.at[corner] as usize]
@@ -59,30 +65,10 @@ pub struct Mesh {
     pub ends: Vec<u32>,
     /// Unit normals at corners. None: flat.
     pub normals: Option<Channel<[f32; 3]>>,
-    /// Sets of texture coordinates at corners, v up.
+    /// Sets of texture coordinates at corners, v up. Corners may lack them.
     pub uv_sets: Vec<Channel<[f32; 2]>>,
     /// Colours (RGBA, as the file has them) at corners.
     pub colours: Option<Channel<[f32; 4]>>,
-}
-
-/// One triangle of a mesh.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct MeshTriangle {
-    /// The polygon that it was cut from.
-    pub polygon: u32,
-    /// Corners, counted over the whole mesh: indices into [`Mesh::corners`] and the channels' `at`.
-    pub corners: [u32; 3],
-}
-
-/// A mesh in triangles.
-#[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub struct Triangles {
-    /// In the order of the polygons.
-    pub triangles: Vec<MeshTriangle>,
-    /// Triangles without area, left out.
-    pub without_area: u64,
-    /// Polygons that cross themselves, so that no set of triangles is right; they were cut all the same.
-    pub crossed: u64,
 }
 
 impl Mesh {
@@ -98,6 +84,13 @@ impl Mesh {
         starts.zip(&self.ends).map(|(start, end)| start as usize..*end as usize)
     }
 
+    /// The run of corners of one polygon.
+    #[must_use]
+    pub fn run(&self, polygon: usize) -> Range<usize> {
+        let start = if polygon == 0 { 0 } else { self.ends[polygon - 1] };
+        start as usize..self.ends[polygon] as usize
+    }
+
     /// Adds a polygon of these positions; channels are the caller's.
     pub fn push_polygon(&mut self, corners: impl IntoIterator<Item = u32>) {
         self.corners.extend(corners);
@@ -110,23 +103,12 @@ impl Mesh {
         Vec3::from_array(self.positions[self.corners[corner] as usize]).as_dvec3()
     }
 
-    /// Cuts all polygons. Cost: linear for convex ones, see [`triangulate`] for others.
+    /// Cuts one polygon into triangles of its corners, counted from the start of its run. Cost: linear for a convex one, see
+    /// [`triangulate`] for others.
     #[must_use]
-    pub fn triangulate(&self) -> Triangles {
-        let mut out = Triangles::default();
-        for (polygon, run) in self.polygons().enumerate() {
-            let places: Vec<DVec3> = run.clone().map(|c| self.place(c)).collect();
-            let cut = triangulate(&places);
-            out.crossed += u64::from(!cut.sound);
-            for t in cut.triangles {
-                if has_no_area(t.map(|i| places[i])) {
-                    out.without_area += 1;
-                } else {
-                    out.triangles.push(MeshTriangle { polygon: polygon as u32, corners: t.map(|i| (run.start + i) as u32) });
-                }
-            }
-        }
-        out
+    pub fn cut(&self, polygon: usize) -> Cut {
+        let places: Vec<DVec3> = self.run(polygon).map(|c| self.place(c)).collect();
+        triangulate(&places)
     }
 
     /// Turns every polygon around, so that its back becomes its front. Normals stay as they are.

@@ -12,18 +12,21 @@ pub(in crate::import) fn cube() -> Mesh {
     mesh
 }
 
-fn corners(mesh: &Mesh, t: &MeshTriangle) -> [DVec3; 3] {
-    t.corners.map(|c| mesh.place(c as usize))
+/// The triangles of all polygons that have an area: the polygon and the corners of the mesh.
+pub(in crate::import) fn triangles(mesh: &Mesh) -> Vec<(usize, [usize; 3])> {
+    let of =
+        |(polygon, run): (usize, Range<usize>)| mesh.cut(polygon).triangles.into_iter().map(move |t| (polygon, t.map(|i| run.start + i)));
+    mesh.polygons().enumerate().flat_map(of).filter(|(_, t)| !has_no_area(t.map(|c| mesh.place(c)))).collect()
 }
 
 /// The enclosed volume by the divergence theorem: positive where fronts are outside.
 pub(in crate::import) fn volume(mesh: &Mesh) -> f64 {
-    mesh.triangulate().triangles.iter().map(|t| corners(mesh, t)).map(|[a, b, c]| a.dot(b.cross(c)) / 6.0).sum()
+    triangles(mesh).iter().map(|(_, t)| t.map(|c| mesh.place(c))).map(|[a, b, c]| a.dot(b.cross(c)) / 6.0).sum()
 }
 
 /// The area of all triangles.
 pub(in crate::import) fn area(mesh: &Mesh) -> f64 {
-    mesh.triangulate().triangles.iter().map(|t| corners(mesh, t)).map(|[a, b, c]| (b - a).cross(c - a).length() / 2.0).sum()
+    triangles(mesh).iter().map(|(_, t)| t.map(|c| mesh.place(c))).map(|[a, b, c]| (b - a).cross(c - a).length() / 2.0).sum()
 }
 
 /// Vertices - edges + polygons, and edges that are not between exactly two polygons that run through it in opposite ways.
@@ -54,16 +57,13 @@ fn a_cube_is_measured_right_and_turns_around() {
 }
 
 #[test]
-fn triangles_without_area_and_crossed_polygons_are_counted() {
+fn triangles_without_area_are_left_out_and_crossed_polygons_noticed() {
     let mut mesh =
         Mesh { positions: vec![[0.0; 3], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0], [1.0, 1.0, 0.0], [1.0, -3.0, 0.0]], ..Mesh::default() };
     mesh.push_polygon([0, 1, 2]);
     mesh.push_polygon([0, 3, 2, 4]);
     mesh.push_polygon([0, 2, 3, 4]);
-    let cut = mesh.triangulate();
-    assert_eq!((cut.without_area, cut.crossed), (1, 1));
-    assert_eq!(cut.triangles.iter().map(|t| t.polygon).collect::<Vec<_>>(), [1, 1, 2, 2]);
-    assert!(
-        cut.triangles.iter().all(|t| t.corners.iter().all(|c| mesh.polygons().nth(t.polygon as usize).unwrap().contains(&(*c as usize))))
-    );
+    assert_eq!(triangles(&mesh).iter().map(|t| t.0).collect::<Vec<_>>(), [1, 1, 2, 2]);
+    assert_eq!([0, 1, 2].map(|p| mesh.cut(p).sound), [true, true, false]);
+    assert!(triangles(&mesh).iter().all(|(polygon, t)| t.iter().all(|c| mesh.run(*polygon).contains(c))));
 }

@@ -1,165 +1,79 @@
-//! From `tobj`'s models to surfaces: polygons cut, positions shared, triangles without area and duplicates dropped, names given.
+//! From faces to surfaces, named.
 //!
 //! A surface is an (object, material) pair: one light field has one material. It is called like its object where the object has one
 //! material, and `OBJECT.MATERIAL` where it has several. Objects are `o` names where the file has any, else `g` names, else the file's.
 
-use super::{
-    material::Materials,
-    scan::{FaceNote, Group, Scan},
-};
+use super::{material::Materials, scan::State, shade::Shaded};
 use crate::import::{
     findings::{At, Findings},
-    mesh::triangulate,
-    name::{Names, Stems},
-    weld::Weld,
+    surfaces::{Look, Surfaces},
 };
-use glam::{DVec3, Vec3};
-use kiln_proto::{
-    limits,
-    scene::{Surface, Triangle},
-};
-use std::{collections::BTreeMap, ops::Range};
+use kiln_proto::{limits, scene::Scene};
+use std::collections::BTreeMap;
 
-/// What becomes of one (object, material) pair.
+/// What an (object, material) pair is known by: indices into the names.
+type Key = (Option<usize>, Option<usize>);
+
+/// What becomes of one pair.
 struct Part {
-    object: Option<usize>,
-    material_name: Option<usize>,
+    key: Key,
     material: u32,
+    /// The line of its first face.
     line: u32,
-    polygons: u32,
-    triangles: Vec<(Triangle, Option<[[f32; 2]; 3]>)>,
+    polygons: Vec<u32>,
 }
 
-/// One polygon of a model.
-struct Face<'m> {
-    mesh: &'m tobj::Mesh,
-    /// Where its corners stand among the mesh's indices.
-    corners: Range<usize>,
-    note: FaceNote,
-}
-
-impl Face<'_> {
-    /// The texture coordinates of its corners, where the file has them.
-    fn uv(&self) -> Option<Vec<[f32; 2]>> {
-        let at = |i: &u32| [0, 1].map(|k| self.mesh.texcoords[2 * *i as usize + k] + 0.0);
-        self.note.has_uv.then(|| self.mesh.texcoord_indices[self.corners.clone()].iter().map(at).collect())
+/// Adds the surfaces of a file to a scene, in the order of their first faces.
+pub(super) fn build(file: &str, stem: &str, shaded: &Shaded, materials: &mut Materials<'_>, scene: &mut Scene, findings: &mut Findings) {
+    let parts = parts(file, shaded, materials, findings);
+    if parts.len() > limits::SURFACES {
+        let message = format!("the scene has {} surfaces; at most {} are allowed", parts.len(), limits::SURFACES);
+        findings.error(At::file(file), message);
+        return;
     }
-}
-
-/// Builds surfaces from models.
-pub(super) struct Builder<'a> {
-    file: &'a str,
-    scan: &'a Scan,
-    by_object: bool,
-    weld: Weld,
-    parts: Vec<Part>,
-    part_ids: BTreeMap<(Option<usize>, Option<usize>), usize>,
-    count: usize,
-}
-
-impl<'a> Builder<'a> {
-    pub(super) fn new(file: &'a str, scan: &'a Scan) -> Self {
-        Self {
-            file,
-            scan,
-            by_object: scan.groups.iter().any(|g| g.object.is_some()),
-            weld: Weld::default(),
-            parts: vec![],
-            part_ids: BTreeMap::new(),
-            count: 0,
+    let mut pieces: BTreeMap<Option<usize>, usize> = BTreeMap::new();
+    parts.iter().for_each(|p| *pieces.entry(p.key.0).or_default() += 1);
+    let mut surfaces = Surfaces::default();
+    for part in parts {
+        let object = part.key.0.map_or(stem, |i| shaded.names[i].0.as_str());
+        let material = part.key.1.map_or("default", |i| shaded.names[i].0.as_str());
+        let name = if pieces[&part.key.0] > 1 { format!("{object}.{material}") } else { object.to_owned() };
+        let look = Look { name: &name, front: part.material, casts_shadows: true, ..Look::default() };
+        let at = |polygon: usize| At::line(file, shaded.faces[polygon].line);
+        if looks_up(materials, part.material) {
+            let lacking = part.polygons.iter().map(|p| *p as usize).filter(|p| shaded.lacks_uv(*p));
+            let what = "faces lack the texture coordinates that their material looks up, the lower left texel is taken";
+            lacking.for_each(|p| findings.count(at(p), what));
+        }
+        if !surfaces.add(&shaded.mesh, part.polygons.iter().map(|p| *p as usize), look, at, findings) {
+            findings.warn(At::line(file, part.line), format!("the surface `{name}` has no triangles left and was dropped"));
         }
     }
+    surfaces.finish(scene);
+}
 
-    /// Adds the faces of all models; their order is that of the scan's notes.
-    pub(super) fn add(&mut self, models: &[tobj::Model], materials: &mut Materials<'_>, findings: &mut Findings) {
-        let mut notes = self.scan.notes.iter();
-        for model in models {
-            let group = model.name.parse::<usize>().ok().and_then(|i| self.scan.groups.get(i)).copied().unwrap_or_default();
-            let mut end = 0;
-            for (arity, note) in face_sizes(&model.mesh).zip(&mut notes) {
-                let face = Face { mesh: &model.mesh, corners: end..end + arity, note: *note };
-                end += arity;
-                let part = self.part(group, note.line, materials, findings);
-                self.face(&face, part, findings);
-                if self.count > limits::TRIANGLES {
-                    let message = format!("the scene has more than {} triangles", limits::TRIANGLES);
-                    findings.error(At::line(self.file, note.line), message);
-                    return;
-                }
+fn looks_up(materials: &Materials<'_>, id: u32) -> bool {
+    materials.materials.get(id as usize).is_some_and(|m| m.textures().next().is_some())
+}
+
+/// Sorts faces into pairs.
+fn parts(file: &str, shaded: &Shaded, materials: &mut Materials<'_>, findings: &mut Findings) -> Vec<Part> {
+    let by_object = shaded.states.iter().any(|s| s.object.is_some());
+    let key = |state: &State| (if by_object { state.object } else { state.group }, state.material);
+    let (mut parts, mut ids) = (Vec::<Part>::new(), BTreeMap::<Key, usize>::new());
+    for (polygon, face) in shaded.faces.iter().enumerate() {
+        let key = key(&shaded.states[face.state as usize]);
+        let id = *ids.entry(key).or_insert_with(|| {
+            let name = key.1.map(|i| &shaded.names[i]);
+            let at = At::line(file, name.map_or(face.line, |(_, first)| *first));
+            if name.is_none() {
+                findings.warn_once(at, "no material", "faces before any `usemtl` have no material; a grey one is used");
             }
-        }
+            let material = materials.id(name.map(|(n, _)| n.as_str()), at, findings);
+            parts.push(Part { key, material, line: face.line, polygons: vec![] });
+            parts.len() - 1
+        });
+        parts[id].polygons.push(polygon as u32);
     }
-
-    fn face(&mut self, face: &Face<'_>, part: usize, findings: &mut Findings) {
-        let at = At::line(self.file, face.note.line);
-        let corners: Vec<u32> = face.mesh.indices[face.corners.clone()].iter().map(|i| self.place(face.mesh, *i)).collect();
-        let uv = face.uv();
-        let world: Vec<DVec3> = corners.iter().map(|c| Vec3::from_array(self.weld.positions.values[*c as usize]).as_dvec3()).collect();
-        let polygon = self.parts[part].polygons;
-        self.parts[part].polygons += 1;
-        let cut = triangulate(&world);
-        if !cut.sound {
-            findings.count(at, "polygons that cross themselves were cut as well as they can be");
-        }
-        for t in cut.triangles {
-            let corners = t.map(|i| corners[i]);
-            if let Err(left) = self.weld.triangle(corners) {
-                findings.count(at, left.words());
-                continue;
-            }
-            self.parts[part].triangles.push((Triangle { corners, polygon }, uv.as_ref().map(|uv| t.map(|i| uv[i]))));
-            self.count += 1;
-        }
-    }
-
-    fn place(&mut self, mesh: &tobj::Mesh, index: u32) -> u32 {
-        self.weld.positions.id(std::array::from_fn(|k| mesh.positions[3 * index as usize + k]))
-    }
-
-    fn part(&mut self, group: Group, line: u32, materials: &mut Materials<'_>, findings: &mut Findings) -> usize {
-        let key = (if self.by_object { group.object } else { group.group }, group.material);
-        if let Some(id) = self.part_ids.get(&key) {
-            return *id;
-        }
-        let name = key.1.map(|i| &self.scan.names[i]);
-        let at = At::line(self.file, name.map_or(line, |(_, first)| *first));
-        if name.is_none() {
-            findings.warn_once(at, "no material", "faces before any `usemtl` have no material; a grey one is used");
-        }
-        let material = materials.id(name.map(|(n, _)| n.as_str()), at, findings);
-        let id = self.parts.len();
-        self.parts.push(Part { object: key.0, material_name: key.1, material, line, polygons: 0, triangles: vec![] });
-        self.part_ids.insert(key, id);
-        id
-    }
-
-    /// The surfaces, named, in the order of their first faces.
-    pub(super) fn into_surfaces(self, stem: &str, findings: &mut Findings) -> (Vec<[f32; 3]>, Vec<Surface>) {
-        let mut pieces: BTreeMap<Option<usize>, usize> = BTreeMap::new();
-        self.parts.iter().for_each(|p| *pieces.entry(p.object).or_default() += 1);
-        let (mut names, mut stems) = (Names::default(), Stems::default());
-        let mut surfaces = vec![];
-        for part in self.parts {
-            let object = part.object.map_or(stem, |i| self.scan.names[i].0.as_str());
-            let material = part.material_name.map_or("default", |i| self.scan.names[i].0.as_str());
-            let wanted = if pieces[&part.object] > 1 { format!("{object}.{material}") } else { object.to_owned() };
-            if part.triangles.is_empty() {
-                findings.warn(At::line(self.file, part.line), format!("the surface `{wanted}` has no triangles left and was dropped"));
-                continue;
-            }
-            let name = names.take(&wanted);
-            let file_stem = stems.take(&name);
-            surfaces.push(Surface { file_stem, ..Surface::plain(name, part.material, part.triangles) });
-        }
-        (self.weld.positions.values, surfaces)
-    }
-}
-
-/// Corners of each face: `tobj` leaves the list out where all are triangles.
-fn face_sizes(mesh: &tobj::Mesh) -> Box<dyn Iterator<Item = usize> + '_> {
-    if mesh.face_arities.is_empty() {
-        Box::new(std::iter::repeat_n(3, mesh.indices.len() / 3))
-    } else {
-        Box::new(mesh.face_arities.iter().map(|a| *a as usize))
-    }
+    parts
 }

@@ -1,36 +1,51 @@
-//! From MTL to the canonical material: defaults, illumination models, energy, textures.
+//! From MTL to the canonical material: defaults, illumination models, energy, opacity, textures.
+//!
+//! Three kinds of material come out. What states numbers of the PBR extension (Pr, Pm and theirs) is metallic-roughness; what lets light
+//! through by its illumination model is glass, a thin sheet; everything else is Phong's.
 
-use super::map::Map;
-use super::mtl::{Library, RawMaterial, Stated};
+use super::{
+    pictures::{Named, Pictures},
+    raw::{Library, Number, RawMaterial, Role, Stated},
+};
 use crate::import::{
-    Bundle,
-    bundle::Found,
+    Bundle, coat,
     findings::{At, Findings},
-    images::{Images, Wanted},
+    images::Image,
 };
 use kiln_proto::{
-    scene::{Coding, LayerMode, Lobe, Material, Phong, Reflection, TextureLayer, TextureRef, energy_scale},
+    scene::{
+        AlphaMode, Coding, LayerMode, Lobe, Material, MetallicRoughness, NormalMap, Opacity, Phong, Reflection, TextureLayer, TextureRef,
+        energy_scale,
+    },
     units::Rgb,
 };
 use std::collections::BTreeMap;
 
 /// Phong exponents from here on are taken for mirrors where the illumination model asks for ray-traced reflection.
 const MIRROR_EXPONENT: f32 = 1000.0;
+/// Where an opacity of an image is cut that is all or nothing.
+const CUTOFF: f32 = 0.5;
+/// Index of refraction of glass that does not state one.
+const GLASS: f32 = 1.5;
 
 /// Canonical materials and textures, made as faces ask for them: what no face uses never reaches the scene.
 pub(super) struct Materials<'a> {
-    bundle: &'a Bundle,
     library: &'a Library,
     ids: BTreeMap<Option<String>, u32>,
     /// The materials so far.
     pub(super) materials: Vec<Material>,
     /// The textures so far.
-    pub(super) images: Images,
+    pub(super) pictures: Pictures<'a>,
+}
+
+/// A texture of a material.
+fn named(raw: &RawMaterial, role: Role) -> Option<Named<'_>> {
+    raw.map(role).map(|(at, map)| Named { from: &raw.file, at, map })
 }
 
 impl<'a> Materials<'a> {
     pub(super) fn new(bundle: &'a Bundle, library: &'a Library) -> Self {
-        Self { bundle, library, ids: BTreeMap::new(), materials: vec![], images: Images::default() }
+        Self { library, ids: BTreeMap::new(), materials: vec![], pictures: Pictures::new(bundle) }
     }
 
     /// The id of the material of this name; unknown names and faces without a material share a grey one.
@@ -49,7 +64,7 @@ impl<'a> Materials<'a> {
         }
         let material = match known.and_then(|n| self.library.get_key_value(n)) {
             Some((name, raw)) => self.convert(name, raw, findings),
-            None => default_material(),
+            None => Material::matt("default", Rgb::splat(0.5)),
         };
         let id = self.materials.len() as u32;
         self.materials.push(material);
@@ -58,22 +73,41 @@ impl<'a> Materials<'a> {
     }
 
     fn convert(&mut self, name: &str, raw: &RawMaterial, findings: &mut Findings) -> Material {
-        let file = raw.file.as_str();
-        let value = |stated: Stated<Rgb>, has_map: bool| stated.map_or(if has_map { Rgb::WHITE } else { Rgb::BLACK }, |(_, v)| v);
-        let mut diffuse = value(raw.diffuse, raw.diffuse_map.is_some());
-        let emission = value(raw.emission, raw.emission_map.is_some());
-        let (mut specular, lobe) = reflection(raw);
-        if let Some((line, opacity)) = raw.opacity
-            && opacity < 1.0
+        let base = named(raw, Role::Diffuse).and_then(|n| self.pictures.picture(n, Coding::Srgb, findings));
+        say_black_factor(name, raw, findings);
+        let mut opacity = self.opacity(name, raw, base, findings);
+        let diffuse = factor(raw.diffuse, base.is_some());
+        let layer = |texture| TextureLayer { texture, mode: LayerMode::Modulate { scale: 1.0 } };
+        let layers: Vec<TextureLayer> = base.map(|(_, texture)| layer(texture)).into_iter().collect();
+        let through = transmission(raw, &opacity);
+        let reflection = if through > 0.0 || is_physical(raw) {
+            let mut physical = self.physical(raw, diffuse, findings);
+            physical.layers = layers;
+            if through > 0.0 {
+                glass(name, raw, through, &mut physical, findings);
+                opacity = Opacity::OPAQUE;
+            }
+            Reflection::MetallicRoughness(physical)
+        } else {
+            Reflection::Phong(Phong { layers, ..self.phong(name, raw, diffuse, findings) })
+        };
+        let emission_texture = named(raw, Role::Emission).and_then(|n| self.pictures.picture(n, Coding::Srgb, findings)).map(|(_, t)| t);
+        let emission = factor(raw.emission, emission_texture.is_some());
+        let normal_map = self.normal_map(raw, findings);
+        Material { emission, emission_texture, opacity, normal_map, ..Material::new(name, reflection) }
+    }
+
+    fn phong(&mut self, name: &str, raw: &RawMaterial, diffuse: Rgb, findings: &mut Findings) -> Phong {
+        let shines = !matches!(raw.model, Some((_, 0 | 1)));
+        let map = named(raw, Role::Specular).filter(|_| shines);
+        let specular_texture = map.and_then(|n| self.pictures.picture(n, Coding::Srgb, findings)).map(|(_, t)| t);
+        let specular = if shines { factor(raw.specular, specular_texture.is_some()) } else { Rgb::BLACK };
+        let mut lobe = lobe(raw, specular);
+        if let (Lobe::Phong { exponent }, Some(n)) = (&mut lobe, named(raw, Role::Exponent).filter(|_| !specular.is_black()))
+            && let Some(mean) = self.pictures.mean(n, findings)
         {
-            let message = format!("the material `{name}` is transparent (opacity {opacity}); it is baked opaque");
-            findings.warn(At::line(file, line), message);
-        }
-        if let (Some((line, kd)), Some(_)) = (raw.diffuse, &raw.diffuse_map)
-            && kd.is_black()
-        {
-            findings
-                .warn(At::line(file, line), format!("Kd of `{name}` is 0, so its map_Kd stays black; 1 1 1 shows the texture as it is"));
+            *exponent *= mean;
+            findings.warn(n.at, format!("map_Ns is approximated by its mean: the exponent of `{name}` is {exponent} everywhere"));
         }
         let scale = energy_scale(diffuse, specular);
         if scale < 1.0 {
@@ -81,55 +115,144 @@ impl<'a> Materials<'a> {
             let total = (diffuse + specular).max_channel();
             let message =
                 format!("the material `{name}` reflects {total} times the light it receives (Kd + Ks); both were scaled by {scale}");
-            findings.warn(At::line(file, line), message);
-            (diffuse, specular) = (diffuse * scale, specular * scale);
+            findings.warn(At::line(raw.file.as_str(), line), message);
         }
-        let layer = |texture| TextureLayer { texture: TextureRef::plain(texture, 0), mode: LayerMode::Modulate { scale: 1.0 } };
-        let layers = self.texture(raw, raw.diffuse_map.as_ref(), findings).map(layer).into_iter().collect();
-        let emission_texture = self.texture(raw, raw.emission_map.as_ref(), findings).map(|t| TextureRef::plain(t, 0));
-        let phong = Phong { layers, specular, lobe, ..Phong::matt(diffuse) };
-        Material { emission, emission_texture, ..Material::new(name, Reflection::Phong(phong)) }
+        Phong { specular: specular * scale, specular_texture, lobe, ..Phong::matt(diffuse * scale) }
     }
 
-    /// The texture that a map names; `None` also where it was refused, which is then an error.
-    fn texture(&mut self, raw: &RawMaterial, map: Option<&(u32, Map)>, findings: &mut Findings) -> Option<u32> {
-        let (line, map) = map?;
-        let at = At::line(raw.file.as_str(), *line);
-        let path = match self.bundle.find(&raw.file, &map.file) {
-            Some(Found::Exact(path)) => path,
-            Some(Found::Near(path)) => {
-                findings.warn(at, format!("the texture `{}` is not in the bundle; `{path}` is used instead", map.file));
-                path
-            }
-            None => {
-                findings.error(at, format!("the texture `{}` is not in the bundle", map.file));
-                return None;
-            }
+    /// The PBR extension. Roughness that is not stated follows from the highlight, or is middling.
+    fn physical(&mut self, raw: &RawMaterial, diffuse: Rgb, findings: &mut Findings) -> MetallicRoughness {
+        let (roughness, metalness) = (named(raw, Role::Roughness), named(raw, Role::Metallic));
+        let texture = self.pictures.surface(roughness, metalness, findings);
+        let metallic = raw.number(Number::Metallic).unwrap_or(if metalness.is_some() { 1.0 } else { 0.0 });
+        let from_highlight = || raw.number(Number::Exponent).map_or(0.5, roughness_of);
+        let rough = raw.number(Number::Roughness).unwrap_or_else(|| if roughness.is_some() { 1.0 } else { from_highlight() });
+        let whole = if diffuse.max_channel() > 1.0 { diffuse * (1.0 / diffuse.max_channel()) } else { diffuse };
+        if whole != diffuse {
+            let at = At::line(raw.file.as_str(), raw.diffuse.map_or(raw.line, |(l, _)| l));
+            findings.warn(at, "Kd exceeds 1; it was scaled to reflect no more light than there is");
+        }
+        let mut physical = MetallicRoughness { metallic_roughness_texture: texture, ..MetallicRoughness::plain(whole, metallic, rough) };
+        if let Some(ior) = raw.number(Number::Refraction).filter(|n| *n >= 1.0) {
+            physical.ior = ior;
+        }
+        if is_physical(raw) && (raw.specular.is_some_and(|(_, ks)| !ks.is_black()) || raw.map(Role::Specular).is_some()) {
+            let line = raw.specular.map_or(raw.line, |(l, _)| l);
+            let message = "Ks and Ns of materials with numbers of the PBR extension were ignored (said once)";
+            findings.warn_once(At::line(raw.file.as_str(), line), "Ks", message);
+        }
+        if let Some(coat) = raw.number(Number::Coat).filter(|c| *c > 0.0) {
+            let message = "clear coats (Pc) are folded into the specular lobe below them (said once)";
+            findings.warn_once(raw.at(Number::Coat), "coat", message);
+            coat::fold(&mut physical, coat, raw.number(Number::CoatRoughness).unwrap_or(0.0));
+        }
+        physical
+    }
+
+    /// `d`, else 1 - `Tr`, times map_d, else times the alpha channel of map_Kd.
+    fn opacity(&mut self, name: &str, raw: &RawMaterial, base: Option<(Image, TextureRef)>, findings: &mut Findings) -> Opacity {
+        let (d, inverse) = (raw.number(Number::Opacity), raw.number(Number::Transparency).map(|tr| 1.0 - tr));
+        if let (Some(d), Some(inverse)) = (d, inverse)
+            && (d - inverse).abs() > 1e-3
+        {
+            let message = format!("the material `{name}` is {d} opaque by `d` and {inverse} by `Tr`; `d` counts");
+            findings.warn(raw.at(Number::Transparency), message);
+        }
+        let factor = d.or(inverse).unwrap_or(1.0);
+        if factor == 0.0 {
+            let at = raw.at(if d.is_some() { Number::Opacity } else { Number::Transparency });
+            findings.warn(at, format!("the material `{name}` is invisible: its opacity is 0"));
+        }
+        let texture = match named(raw, Role::Opacity) {
+            Some(map) => self.pictures.opacity(map, findings),
+            None => base,
         };
-        let wanted = Wanted { coding: Coding::Srgb, alpha: false };
-        let image = self.images.file(self.bundle, path, wanted, at, findings)?;
-        if image.transparent {
-            let message = format!("the texture `{path}` has transparent pixels; they are baked opaque");
-            findings.warn_once(at, &format!("transparent {path}"), message);
+        let texture = texture.filter(|(image, _)| image.transparent);
+        let mode = self.pictures.images.alpha_mode(factor, texture.map(|(image, _)| image), CUTOFF);
+        if let (None, Some((image, _)), Some(map)) = (raw.map(Role::Opacity), texture, named(raw, Role::Diffuse)) {
+            let how = if matches!(mode, AlphaMode::Mask { .. }) { "cut out" } else { "blended" };
+            let path = &self.pictures.images.textures[image.id as usize].name;
+            let message = format!("the texture `{path}` has transparent pixels; they are taken as opacity and {how}");
+            findings.warn_once(map.at, &format!("transparent {path}"), message);
         }
-        Some(image.id)
+        if mode == AlphaMode::Opaque { Opacity::OPAQUE } else { Opacity { mode, factor, texture: texture.map(|(_, t)| t) } }
+    }
+
+    /// `norm`, else a bump map that holds normals.
+    fn normal_map(&mut self, raw: &RawMaterial, findings: &mut Findings) -> Option<NormalMap> {
+        let (texture, map) = match (named(raw, Role::Normal), named(raw, Role::Bump)) {
+            (Some(n), _) => (self.pictures.picture(n, Coding::Linear, findings)?.1, n.map),
+            (None, Some(n)) => (self.pictures.bump(n, findings)?, n.map),
+            (None, None) => return None,
+        };
+        Some(NormalMap { texture, scale: map.bump.unwrap_or(1.0) })
     }
 }
 
-/// Ks and the shape of its lobe. Models 0 and 1 have no highlights; 3 and 5 ask for ray-traced reflection, which is a mirror where the
-/// exponent is missing or very high, and a Phong lobe otherwise.
-fn reflection(raw: &RawMaterial) -> (Rgb, Lobe) {
-    let exponent = raw.exponent.map(|(_, n)| n);
-    let phong = Lobe::Phong { exponent: exponent.unwrap_or(1.0) };
-    let specular = raw.specular.map_or(Rgb::BLACK, |(_, ks)| ks);
+/// What a texture multiplies: one where the material leaves it out beside a texture, else nothing.
+fn factor(stated: Stated<Rgb>, has_map: bool) -> Rgb {
+    stated.map_or(if has_map { Rgb::WHITE } else { Rgb::BLACK }, |(_, v)| v)
+}
+
+fn say_black_factor(name: &str, raw: &RawMaterial, findings: &mut Findings) {
+    if let (Some((line, kd)), Some(_)) = (raw.diffuse, raw.map(Role::Diffuse))
+        && kd.is_black()
+    {
+        let message = format!("Kd of `{name}` is 0, so its map_Kd stays black; 1 1 1 shows the texture as it is");
+        findings.warn(At::line(raw.file.as_str(), line), message);
+    }
+}
+
+/// The shape of the lobe. Models 3 and 5 ask for ray-traced reflection, which is a mirror where the exponent is missing or very high, and a
+/// Phong lobe otherwise.
+fn lobe(raw: &RawMaterial, specular: Rgb) -> Lobe {
+    let exponent = raw.number(Number::Exponent);
     match raw.model.map(|(_, m)| m) {
-        Some(0 | 1) => (Rgb::BLACK, Lobe::Phong { exponent: 1.0 }),
-        Some(3 | 5) if exponent.is_none_or(|n| n >= MIRROR_EXPONENT) && !specular.is_black() => (specular, Lobe::Mirror),
-        _ => (specular, phong),
+        Some(0 | 1) => Lobe::Phong { exponent: 1.0 },
+        Some(3 | 5) if exponent.is_none_or(|n| n >= MIRROR_EXPONENT) && !specular.is_black() => Lobe::Mirror,
+        _ => Lobe::Phong { exponent: exponent.unwrap_or(1.0) },
     }
 }
 
-/// What faces without a material are made of.
-fn default_material() -> Material {
-    Material::matt("default", Rgb::splat(0.5))
+fn is_physical(raw: &RawMaterial) -> bool {
+    let numbers = [Number::Roughness, Number::Metallic, Number::Coat];
+    numbers.iter().any(|n| raw.number(*n).is_some()) || raw.map(Role::Roughness).is_some() || raw.map(Role::Metallic).is_some()
+}
+
+/// The roughness of a lobe as wide as Phong's of this exponent: alpha² = 2/(n + 2) (Walter et al. 2007, section 5.2), and alpha is the
+/// square of the roughness.
+fn roughness_of(exponent: f32) -> f32 {
+    if exponent >= MIRROR_EXPONENT { 0.0 } else { (2.0 / (exponent + 2.0)).sqrt().sqrt() }
+}
+
+/// The share of light that goes through as through glass: where the illumination model is one of glass or refraction (4, 6, 7, 9) and the
+/// material is not opaque, or is one of refraction (6, 7) with a filter and an index above that of air. A filter alone says nothing: Maya
+/// writes `illum 4` and `Tf 1 1 1` for everything.
+fn transmission(raw: &RawMaterial, opacity: &Opacity) -> f32 {
+    let model = raw.model.map(|(_, m)| m);
+    let refracts = matches!(model, Some(6 | 7))
+        && raw.filter.is_some_and(|(_, tf)| !tf.is_black())
+        && raw.number(Number::Refraction).is_some_and(|n| n > 1.0);
+    match model {
+        Some(4 | 6 | 7 | 9) if opacity.texture.is_none() && opacity.factor < 1.0 => 1.0 - opacity.factor,
+        _ if refracts && opacity.texture.is_none() => 1.0,
+        _ => 0.0,
+    }
+}
+
+/// Makes a thin sheet of glass of a material: what goes through is tinted by Tf.
+fn glass(name: &str, raw: &RawMaterial, through: f32, physical: &mut MetallicRoughness, findings: &mut Findings) {
+    let line = raw.model.map_or(raw.line, |(l, _)| l);
+    let message = format!("the material `{name}` is glass; it is baked as a thin sheet, so light goes through it straight on");
+    findings.warn(At::line(raw.file.as_str(), line), message);
+    let tint = raw.filter.map_or(Rgb::WHITE, |(_, tf)| Rgb::from(tf.to_array().map(|c| c.min(1.0))));
+    physical.base_color = physical.base_color * (1.0 - through) + tint * through;
+    physical.transmission = through;
+    physical.metallic = 0.0;
+    if raw.number(Number::Refraction).is_none_or(|n| n < 1.0) {
+        physical.ior = GLASS;
+    }
+    if raw.number(Number::Roughness).is_none() && raw.map(Role::Roughness).is_none() {
+        physical.roughness = raw.number(Number::Exponent).map_or(0.0, roughness_of);
+    }
 }

@@ -1,12 +1,23 @@
-//! Wavefront OBJ with MTL: `scan` checks the text, `tobj` reads it, `mtl` and `material` say what surfaces are made of, `build` makes
-//! them.
+//! Wavefront OBJ with MTL.
+//!
+//! ```text
+//! OBJ text ─ scan, vertices ─► lists ─ shade ─► one mesh with normals ─ build ─► surfaces
+//! MTL text ─ mtl, map ─► raw materials ─ material, pictures ─► materials and textures, as surfaces ask for them
+//! ```
 
 mod build;
 mod map;
 mod material;
 mod mtl;
+mod pictures;
+mod raw;
 mod scan;
+mod shade;
 mod text;
+mod vertices;
+
+#[cfg(test)]
+mod tests;
 
 use super::{
     Bundle, BundlePath,
@@ -14,7 +25,6 @@ use super::{
     findings::{At, Findings},
 };
 use kiln_proto::{limits, scene::Scene};
-use std::io::Read;
 
 /// Words of `mtllib` that are tried as one file name with blanks.
 const NAME_WORDS: usize = 32;
@@ -27,30 +37,17 @@ pub(super) fn import(bundle: &Bundle, main: &BundlePath, bytes: &[u8], findings:
     if findings.has_errors() {
         return None;
     }
-    let models = read_models(main, &scan, findings)?;
+    let shaded = shade::shade(main.as_str(), scan, findings);
     let mut materials = material::Materials::new(bundle, &library);
-    let mut builder = build::Builder::new(main.as_str(), &scan);
-    builder.add(&models, &mut materials, findings);
-    drop(models);
-    let (positions, surfaces) = builder.into_surfaces(main.stem(), findings);
-    Some(Scene { positions, surfaces, materials: materials.materials, textures: materials.images.textures, ..Scene::empty() })
+    let mut scene = Scene::empty();
+    build::build(main.as_str(), main.stem(), &shaded, &mut materials, &mut scene, findings);
+    scene.materials = materials.materials;
+    scene.textures = materials.pictures.images.textures;
+    Some(scene)
 }
 
-/// Has `tobj` read what the scan wrote.
-fn read_models(main: &BundlePath, scan: &scan::Scan, findings: &mut Findings) -> Option<Vec<tobj::Model>> {
-    let mut reader = scan.vertices.as_bytes().chain(scan.faces.as_bytes());
-    let keep_polygons = tobj::LoadOptions::default();
-    match tobj::load_obj_buf(&mut reader, &keep_polygons, |_| Err(tobj::LoadError::OpenFileFailed)) {
-        Ok((models, _)) => Some(models),
-        Err(e) => {
-            findings.error(At::file(main.as_str()), format!("the geometry cannot be read: {e}"));
-            None
-        }
-    }
-}
-
-fn read_libraries(bundle: &Bundle, main: &BundlePath, statements: &[(u32, String)], findings: &mut Findings) -> mtl::Library {
-    let mut library = mtl::Library::new();
+fn read_libraries(bundle: &Bundle, main: &BundlePath, statements: &[(u32, String)], findings: &mut Findings) -> raw::Library {
+    let mut library = raw::Library::new();
     let mut read = std::collections::BTreeSet::new();
     for (line, operands) in statements {
         for name in split_names(operands, |n| matches!(bundle.find(main, n), Some(Found::Exact(_)))) {
@@ -94,8 +91,7 @@ pub(super) fn library_lines(text: &str) -> Vec<(u32, String)> {
 /// The files that an MTL text uses: line and name.
 pub(super) fn texture_lines(text: &str) -> Vec<(u32, String)> {
     let files = text::statements(text).filter_map(|s| match s.split() {
-        ("map_Kd" | "map_kd" | "map_Ke" | "map_ke", rest) => Some((s.line, map::parse(rest).file)),
-        _ => None,
+        (word, rest) => raw::role(word).map(|_| (s.line, map::parse(rest).file)),
     });
     files.filter(|(_, f)| !f.is_empty()).take(limits::BUNDLE_FILES).collect()
 }
@@ -116,20 +112,4 @@ pub(super) fn split_names(operands: &str, exists: impl Fn(&str) -> bool) -> Vec<
         at = to + 1;
     }
     names
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn library_names_may_hold_blanks() {
-        let files = ["a b.mtl", "c.mtl", "d e"];
-        let split = |operands: &str| split_names(operands, |n| files.contains(&n));
-        assert_eq!(split("a b.mtl c.mtl"), ["a b.mtl", "c.mtl"]);
-        assert_eq!(split("\"a b.mtl\" d e"), ["a b.mtl", "d e"]);
-        assert_eq!(split("gone.mtl c.mtl"), ["gone.mtl", "c.mtl"]);
-        assert_eq!(split("also gone.MTL x y"), ["also gone.MTL", "x y"]);
-        assert_eq!(split(""), [""; 0]);
-    }
 }

@@ -1,10 +1,11 @@
 //! Materials as an MTL text states them, each value with its line.
 //!
-//! Read here and not with `tobj`: that keeps no lines, panics in no case but gives up at the first fault, wants three numbers where the
-//! format allows one, and takes options of `map_Kd` for part of the file name.
+//! Read here and not with a library: those keep no lines, give up at the first fault, want three numbers where the format allows one, and take
+//! options of `map_Kd` for part of the file name.
 
 use super::{
     map::{self, Map},
+    raw::{Library, Number, RawMaterial, Role, Stated, role},
     text,
 };
 use crate::import::{
@@ -12,38 +13,6 @@ use crate::import::{
     findings::{At, Findings},
 };
 use kiln_proto::{limits, units::Rgb};
-use std::collections::BTreeMap;
-
-/// A value with the line that states it.
-pub(super) type Stated<T> = Option<(u32, T)>;
-
-/// One `newmtl` block.
-#[derive(Debug, Clone, PartialEq)]
-pub(super) struct RawMaterial {
-    /// The file that defines it.
-    pub(super) file: BundlePath,
-    /// The line of `newmtl`.
-    pub(super) line: u32,
-    /// Kd.
-    pub(super) diffuse: Stated<Rgb>,
-    /// Ks.
-    pub(super) specular: Stated<Rgb>,
-    /// Ke.
-    pub(super) emission: Stated<Rgb>,
-    /// Ns.
-    pub(super) exponent: Stated<f32>,
-    /// Opacity: `d`, or 1 - `Tr`.
-    pub(super) opacity: Stated<f32>,
-    /// illum.
-    pub(super) model: Stated<u32>,
-    /// map_Kd.
-    pub(super) diffuse_map: Stated<Map>,
-    /// map_Ke.
-    pub(super) emission_map: Stated<Map>,
-}
-
-/// Materials by name.
-pub(super) type Library = BTreeMap<String, RawMaterial>;
 
 /// Adds the materials of one text to `library`.
 pub(super) fn read(file: &BundlePath, text: &str, library: &mut Library, findings: &mut Findings) {
@@ -89,19 +58,7 @@ impl Reader<'_> {
             self.error(line, format!("a material's name has 1 to {} bytes; this one has {}", limits::NAME_BYTES, name.len()));
             return None;
         }
-        let material = RawMaterial {
-            file: self.file.clone(),
-            line,
-            diffuse: None,
-            specular: None,
-            emission: None,
-            exponent: None,
-            opacity: None,
-            model: None,
-            diffuse_map: None,
-            emission_map: None,
-        };
-        Some((name.to_owned(), material))
+        Some((name.to_owned(), RawMaterial::new(self.file, line)))
     }
 
     fn define(&mut self, library: &mut Library, name: String, material: RawMaterial) {
@@ -113,24 +70,46 @@ impl Reader<'_> {
     }
 
     fn statement(&mut self, line: u32, word: &str, rest: &str, m: &mut RawMaterial) {
-        match word {
-            "Kd" => m.diffuse = self.colour(line, word, rest).or(m.diffuse),
-            "Ks" => m.specular = self.colour(line, word, rest).or(m.specular),
-            "Ke" => m.emission = self.colour(line, word, rest).or(m.emission),
-            "Ns" => m.exponent = self.number(line, word, rest).or(m.exponent),
-            "d" => m.opacity = self.number(line, word, rest.strip_prefix("-halo").unwrap_or(rest)).or(m.opacity),
-            "Tr" => m.opacity = self.number(line, word, rest).map(|(l, tr)| (l, 1.0 - tr)).or(m.opacity),
-            "illum" => m.model = self.model(line, rest).or(m.model),
-            "map_Kd" | "map_kd" => m.diffuse_map = self.map(line, word, rest).or(m.diffuse_map.take()),
-            "map_Ke" | "map_ke" => m.emission_map = self.map(line, word, rest).or(m.emission_map.take()),
-            // Ambient light is what the bake computes; refraction has no meaning for opaque surfaces; the rest concerns filtering.
-            "Ka" | "Ni" | "map_Ka" | "map_ka" | "sharpness" | "map_aat" => {}
-            other => {
-                let shown: String = other.chars().take(40).collect();
-                let message = format!("`{shown}` is not supported and was ignored");
-                self.findings.warn_once(At::line(self.file.as_str(), line), &shown, message);
-            }
+        let number = match word {
+            "Kd" => return m.diffuse = self.colour(line, word, rest).or(m.diffuse),
+            "Ks" => return m.specular = self.colour(line, word, rest).or(m.specular),
+            "Ke" => return m.emission = self.colour(line, word, rest).or(m.emission),
+            "Tf" => return m.filter = self.colour(line, word, rest).or(m.filter),
+            "illum" => return m.model = self.model(line, rest).or(m.model),
+            "Ns" => Number::Exponent,
+            "d" => Number::Opacity,
+            "Tr" => Number::Transparency,
+            "Ni" => Number::Refraction,
+            "Pr" => Number::Roughness,
+            "Pm" => Number::Metallic,
+            "Pc" => Number::Coat,
+            "Pcr" => Number::CoatRoughness,
+            // Ambient light is what the bake computes; the rest concerns filtering.
+            "Ka" | "map_Ka" | "map_ka" | "sharpness" | "map_aat" => return,
+            other => return self.other(line, other, rest, m),
+        };
+        if let Some(value) = self.number(line, number, word, rest) {
+            m.set_number(number, line, value);
         }
+    }
+
+    /// Textures, and what is not known.
+    fn other(&mut self, line: u32, word: &str, rest: &str, m: &mut RawMaterial) {
+        if let Some(role) = role(word) {
+            if let Some(map) = self.map(line, word, role, rest) {
+                m.set_map(role, line, map);
+            }
+            return;
+        }
+        let shown: String = word.chars().take(40).collect();
+        let what = match word {
+            "Ps" | "map_Ps" => " (sheen)",
+            "aniso" | "anisor" => " (anisotropy)",
+            "disp" | "map_disp" => " (displacement)",
+            "refl" => " (a picture of the surroundings, which the bake computes)",
+            _ => "",
+        };
+        self.findings.warn_once(At::line(self.file.as_str(), line), &shown, format!("`{shown}`{what} is not supported and was ignored"));
     }
 
     /// One or three finite numbers that are not negative; one stands for all three.
@@ -157,17 +136,23 @@ impl Reader<'_> {
         Some((line, rgb + Rgb::BLACK))
     }
 
-    fn number(&mut self, line: u32, word: &str, rest: &str) -> Stated<f32> {
+    fn number(&mut self, line: u32, number: Number, word: &str, rest: &str) -> Option<f32> {
+        let rest = if number == Number::Opacity { rest.strip_prefix("-halo").unwrap_or(rest) } else { rest };
         let Some(first) = rest.split_whitespace().next() else {
             self.error(line, format!("{word} has no number"));
             return None;
         };
         let value = self.finite(line, word, first)?;
-        if value < 0.0 && word == "Ns" {
+        if number == Number::Exponent && value < 0.0 {
             self.error(line, format!("Ns is {value}, but an exponent cannot be negative"));
             return None;
         }
-        Some((line, value + 0.0))
+        let is_share = !matches!(number, Number::Exponent | Number::Refraction);
+        if is_share && !(0.0..=1.0).contains(&value) {
+            self.findings.warn(At::line(self.file.as_str(), line), format!("{word} is {value}; it was brought to [0, 1]"));
+            return Some(value.clamp(0.0, 1.0));
+        }
+        Some(value + 0.0)
     }
 
     fn finite(&mut self, line: u32, word: &str, text: &str) -> Option<f32> {
@@ -196,16 +181,26 @@ impl Reader<'_> {
         value.map(|v| (line, v as u32))
     }
 
-    fn map(&mut self, line: u32, word: &str, rest: &str) -> Stated<Map> {
-        let map = map::parse(rest);
+    fn map(&mut self, line: u32, word: &str, role: Role, rest: &str) -> Option<Map> {
+        let mut map = map::parse(rest);
         if map.file.is_empty() {
             self.error(line, format!("{word} names no file"));
             return None;
+        }
+        let is_number = matches!(role, Role::Exponent | Role::Opacity | Role::Roughness | Role::Metallic | Role::Bump);
+        if map.channel.is_some() && !is_number {
+            map.ignored.push("-imfchan".to_owned());
+        }
+        if map.range.is_some() && !is_number {
+            map.ignored.push("-mm".to_owned());
+        }
+        if map.bump.is_some_and(|b| b != 1.0) && !matches!(role, Role::Bump | Role::Normal) {
+            map.ignored.push("-bm".to_owned());
         }
         for option in &map.ignored {
             let message = format!("the option `{option}` of {word} is not supported and was ignored");
             self.findings.warn(At::line(self.file.as_str(), line), message);
         }
-        Some((line, map))
+        Some(map)
     }
 }

@@ -1,14 +1,17 @@
-//! The first reading of an OBJ text: every statement checked, every fault located, and what is sound written out again for `tobj`.
+//! The reading of an OBJ text: every statement checked, every fault located, what is sound kept in flat lists.
 //!
-//! `tobj` reads well-formed geometry well, but has no line numbers, ends at the first fault, does not know continued lines or tabs after
-//! a keyword, divides by vertex weights, invents texture coordinates where a corner has none, and takes `o` and `g` for the same. So this
-//! scan hands it a text in which none of that can happen: vertices first, then faces with positive indices under numbered groups.
-//! Cost: one pass, and a second copy of the text. The alternative, a parser of our own, would be as long and less proven.
+//! Faces may come before what they refer to, so indices are resolved as they are read and checked at the end. Lists that a file does not use
+//! (texture coordinates, normals) take nothing. Cost: one pass; at most the bytes of the text in lists. `tobj`, which was behind this scan
+//! before, keeps neither lines nor colours nor smoothing groups, ends at the first fault and invents texture coordinates, so that all of the
+//! text had to be written out again for it and most of what it gives be thrown away.
 
-use super::text::{self, Statement};
+use super::{
+    text::{self, Statement},
+    vertices::{KINDS, Vertices},
+};
 use crate::import::findings::{At, Findings};
 use kiln_proto::limits;
-use std::{collections::BTreeMap, fmt::Write as _};
+use std::collections::BTreeMap;
 
 /// Corners of one polygon: ear clipping takes their square.
 const POLYGON_CORNERS: usize = 4_096;
@@ -16,34 +19,38 @@ const POLYGON_CORNERS: usize = 4_096;
 /// References to later definitions that are noted one by one.
 const AHEAD: usize = 1_000;
 
-/// Which object, group and material a face belongs to: indices into the names of the scan.
+/// Where a corner has no texture coordinate or normal.
+pub(super) const NONE: u32 = u32::MAX;
+
+/// Which object, group and material a face belongs to (indices into the names of the scan), and its smoothing group (0: off).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
-pub(super) struct Group {
+pub(super) struct State {
     pub(super) object: Option<usize>,
     pub(super) group: Option<usize>,
     pub(super) material: Option<usize>,
+    pub(super) smoothing: u32,
 }
 
-/// What `tobj` does not keep of a face.
+/// One face.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct FaceNote {
+pub(super) struct Face {
     /// Its line.
     pub(super) line: u32,
-    /// Whether all its corners have texture coordinates.
-    pub(super) has_uv: bool,
+    /// Where its run of corners ends; it begins where the last one's ends.
+    pub(super) end: u32,
+    /// Index into [`Scan::states`].
+    pub(super) state: u32,
 }
 
 /// The outcome of a scan.
 #[derive(Debug, Default)]
 pub(super) struct Scan {
-    /// `v` and `vt` lines for `tobj`.
-    pub(super) vertices: String,
-    /// `g` and `f` lines for `tobj`; the names of groups are indices into `groups`.
-    pub(super) faces: String,
-    /// What the groups mean.
-    pub(super) groups: Vec<Group>,
-    /// One note per `f` line.
-    pub(super) notes: Vec<FaceNote>,
+    pub(super) vertices: Vertices,
+    pub(super) faces: Vec<Face>,
+    /// For the corners of all faces, indices into the lists of [`KINDS`], or [`NONE`]. The second and third are as long as the corners that
+    /// have one need.
+    pub(super) corners: [Vec<u32>; 3],
+    pub(super) states: Vec<State>,
     /// Names behind `o`, `g` and `usemtl`, each with the line of its first use.
     pub(super) names: Vec<(String, u32)>,
     /// Operands of `mtllib` with their lines.
@@ -52,8 +59,17 @@ pub(super) struct Scan {
 
 /// Scans a text. Faults go into `findings`; the outcome is whole only if there are none.
 pub(super) fn scan(file: &str, text: &str, findings: &mut Findings) -> Scan {
-    let mut scanner =
-        Scanner { file, findings, out: Scan::default(), counts: [0; 3], ahead: vec![], highest: [0; 3], state: State::default() };
+    let mut scanner = Scanner {
+        file,
+        findings,
+        out: Scan::default(),
+        ahead: vec![],
+        highest: [0; 3],
+        now: State::default(),
+        ids: BTreeMap::new(),
+        states: BTreeMap::new(),
+        triangles: 0,
+    };
     for statement in text::statements(text) {
         scanner.statement(&statement);
         if scanner.findings.is_full() {
@@ -64,55 +80,42 @@ pub(super) fn scan(file: &str, text: &str, findings: &mut Findings) -> Scan {
     scanner.out
 }
 
-#[derive(Default)]
-struct State {
-    now: Group,
-    /// The group last written to `faces`.
-    written: Option<Group>,
-    numbers: BTreeMap<Group, usize>,
-    ids: BTreeMap<String, usize>,
-}
-
 struct Scanner<'a> {
     file: &'a str,
     findings: &'a mut Findings,
     out: Scan,
-    /// Vertices, texture coordinates and normals so far.
-    counts: [i64; 3],
     /// Indices beyond what was defined where they stand: (line, kind, index). Allowed if the definition follows.
     ahead: Vec<(u32, usize, i64)>,
     /// The highest of them by kind.
     highest: [i64; 3],
-    state: State,
+    now: State,
+    /// The names so far.
+    ids: BTreeMap<String, usize>,
+    states: BTreeMap<State, u32>,
+    triangles: usize,
 }
-
-const KINDS: [&str; 3] = ["vertex", "texture coordinate", "normal"];
 
 impl Scanner<'_> {
     fn statement(&mut self, statement: &Statement<'_>) {
         let (word, rest) = statement.split();
         let line = statement.line;
+        let at = At::line(self.file, line);
         match word {
-            "v" => self.vertex(line, rest),
-            "vt" => self.texture_coordinate(line, rest),
-            "vn" => self.normal(line, rest),
+            "v" | "vt" | "vn" => self.out.vertices.statement(word, at, line, rest, self.findings),
             "f" | "fo" => self.face(line, rest),
-            "o" => self.state.now.object = self.name(line, rest),
-            "g" => self.state.now.group = self.name(line, rest),
-            "usemtl" => self.state.now.material = self.name(line, rest),
+            "o" => self.now.object = self.name(line, rest),
+            "g" => self.now.group = self.name(line, rest),
+            "usemtl" => self.now.material = self.name(line, rest),
+            "s" => self.now.smoothing = self.smoothing(line, rest),
             "mtllib" => self.library(line, rest),
-            "p" | "l" => self.findings.count(At::line(self.file, line), "points and lines were ignored, only faces are surfaces"),
-            // Smoothing groups and display attributes: surfaces are baked flat, as their triangles lie.
-            "s" | "mg" | "lod" | "bevel" | "c_interp" | "d_interp" => {}
+            "p" | "l" => self.findings.count(at, "points and lines were ignored, only faces are surfaces"),
+            // How a modelling program displays, merges and refines surfaces.
+            "mg" | "lod" | "bevel" | "c_interp" | "d_interp" => {}
             other => {
                 let shown: String = other.chars().take(40).collect();
-                self.warn_once(line, &shown, format!("the statement `{shown}` is not supported and was ignored"));
+                self.findings.warn_once(at, &shown, format!("the statement `{shown}` is not supported and was ignored"));
             }
         }
-    }
-
-    fn warn_once(&mut self, line: u32, key: &str, message: impl Into<String>) {
-        self.findings.warn_once(At::line(self.file, line), key, message);
     }
 
     fn error(&mut self, line: u32, message: impl Into<String>) {
@@ -129,11 +132,25 @@ impl Scanner<'_> {
             return None;
         }
         let next = self.out.names.len();
-        let id = *self.state.ids.entry(rest.to_owned()).or_insert(next);
+        let id = *self.ids.entry(rest.to_owned()).or_insert(next);
         if id == next {
             self.out.names.push((rest.to_owned(), line));
         }
         Some(id)
+    }
+
+    /// `s 7`, `s off`, `s 0`; some programs write `s on`.
+    fn smoothing(&mut self, line: u32, rest: &str) -> u32 {
+        match rest {
+            "off" | "" => 0,
+            "on" => 1,
+            number => number.parse::<u32>().unwrap_or_else(|_| {
+                let shown: String = number.chars().take(40).collect();
+                let message = format!("`s {shown}` names no smoothing group (a number, or `off`); it was taken as `off`");
+                self.findings.warn_once(At::line(self.file, line), "smoothing", message);
+                0
+            }),
+        }
     }
 
     fn library(&mut self, line: u32, rest: &str) {
@@ -146,130 +163,84 @@ impl Scanner<'_> {
         }
     }
 
-    fn vertex(&mut self, line: u32, rest: &str) {
-        self.counts[0] += 1;
-        let Some(values) = self.numbers(line, rest, "vertex", 3) else { return };
-        match values.len() {
-            3 => {}
-            4 => {
-                if values[3] != "1" && values[3].parse::<f32>() != Ok(1.0) {
-                    self.warn_once(line, "weight", "vertex weights (a fourth number behind `v`) were ignored");
-                }
-            }
-            _ => self.warn_once(line, "colour", "vertex colours (numbers behind the third of `v`) were ignored"),
-        }
-        let _ = writeln!(self.out.vertices, "v {} {} {}", values[0], values[1], values[2]);
-    }
-
-    fn texture_coordinate(&mut self, line: u32, rest: &str) {
-        self.counts[1] += 1;
-        let Some(values) = self.numbers(line, rest, "texture coordinate", 1) else { return };
-        let _ = writeln!(self.out.vertices, "vt {} {}", values[0], values.get(1).unwrap_or(&"0"));
-    }
-
-    fn normal(&mut self, line: u32, rest: &str) {
-        self.counts[2] += 1;
-        self.numbers(line, rest, "normal", 3);
-    }
-
-    /// The operands, all of them finite numbers in 32 bits, at least `least`.
-    fn numbers<'t>(&mut self, line: u32, rest: &'t str, what: &str, least: usize) -> Option<Vec<&'t str>> {
-        let words: Vec<&str> = rest.split_whitespace().take(8).collect();
-        if words.len() < least {
-            self.error(line, format!("the {what} has {} numbers; at least {least} are needed", words.len()));
-            return None;
-        }
-        for word in &words {
-            let shown: String = word.chars().take(40).collect();
-            match word.parse::<f32>() {
-                Ok(value) if value.is_finite() => {}
-                Ok(_) => {
-                    self.error(line, format!("the {what} has the value `{shown}`, which is not finite in 32 bits"));
-                    return None;
-                }
-                Err(_) => {
-                    self.error(line, format!("the {what} has `{shown}` where a number should be"));
-                    return None;
-                }
-            }
-        }
-        Some(words)
-    }
-
     fn face(&mut self, line: u32, rest: &str) {
-        let corners = rest.split_whitespace().count();
-        if !(3..=POLYGON_CORNERS).contains(&corners) {
-            self.error(line, format!("a face has 3 to {POLYGON_CORNERS} corners; this one has {corners}"));
+        let count = rest.split_whitespace().count();
+        if !(3..=POLYGON_CORNERS).contains(&count) {
+            self.error(line, format!("a face has 3 to {POLYGON_CORNERS} corners; this one has {count}"));
             return;
         }
-        if self.out.notes.len() >= limits::TRIANGLES {
-            self.error(line, format!("the scene has more than {} faces", limits::TRIANGLES));
+        self.triangles += count - 2;
+        if self.triangles > limits::TRIANGLES {
+            self.error(line, format!("the scene has more than {} triangles", limits::TRIANGLES));
             return;
         }
-        let Some(indices) = rest.split_whitespace().map(|c| self.corner(line, c)).collect::<Option<Vec<_>>>() else { return };
-        let with_uv = indices.iter().filter(|(_, t)| t.is_some()).count();
-        if with_uv != 0 && with_uv != corners {
-            self.warn_once(line, "mixed", "a face has texture coordinates at some corners only; they were ignored there");
-        }
-        let has_uv = with_uv == corners;
-        self.begin_group();
-        self.out.faces.push('f');
-        for (v, t) in indices {
-            let _ = match t.filter(|_| has_uv) {
-                Some(t) => write!(self.out.faces, " {v}/{t}"),
-                None => write!(self.out.faces, " {v}"),
+        let start = self.out.corners[0].len();
+        for corner in rest.split_whitespace() {
+            let Some(indices) = self.corner(line, corner) else {
+                self.out.corners.iter_mut().for_each(|list| list.truncate(start));
+                return;
             };
+            self.push(indices);
         }
-        self.out.faces.push('\n');
-        self.out.notes.push(FaceNote { line, has_uv });
+        self.drop_mixed(line, start);
+        let next = self.out.states.len() as u32;
+        let state = *self.states.entry(self.now).or_insert(next);
+        if state == next {
+            self.out.states.push(self.now);
+        }
+        self.out.faces.push(Face { line, end: self.out.corners[0].len() as u32, state });
     }
 
-    /// Writes the group of the next face where it differs from the last one's.
-    fn begin_group(&mut self) {
-        let now = self.state.now;
-        if self.state.written == Some(now) {
-            return;
+    fn push(&mut self, indices: [u32; 3]) {
+        let place = self.out.corners[0].len();
+        for (list, index) in self.out.corners.iter_mut().zip(indices) {
+            if index != NONE {
+                list.resize(place, NONE);
+                list.push(index);
+            }
         }
-        let next = self.out.groups.len();
-        let number = *self.state.numbers.entry(now).or_insert(next);
-        if number == next {
-            self.out.groups.push(now);
-        }
-        let _ = writeln!(self.out.faces, "g {number}");
-        self.state.written = Some(now);
     }
 
-    /// Positive indices, from 1, of the vertex and the texture coordinate of a corner.
-    fn corner(&mut self, line: u32, corner: &str) -> Option<(i64, Option<i64>)> {
+    /// What only some corners of a face have, none has.
+    fn drop_mixed(&mut self, line: u32, start: usize) {
+        let end = self.out.corners[0].len();
+        for (kind, list) in self.out.corners.iter_mut().enumerate().skip(1) {
+            let given = list.get_mut(start..).unwrap_or_default();
+            let with = given.iter().filter(|i| **i != NONE).count();
+            if with != 0 && with != end - start {
+                given.fill(NONE);
+                let message = format!("a face has {}s at some corners only; they were ignored there", KINDS[kind]);
+                self.findings.warn_once(At::line(self.file, line), KINDS[kind], message);
+            }
+        }
+    }
+
+    /// The indices of a corner, from 0.
+    fn corner(&mut self, line: u32, corner: &str) -> Option<[u32; 3]> {
         let parts: Vec<&str> = corner.split('/').take(4).collect();
         if parts.len() > 3 || parts[0].is_empty() {
             let shown: String = corner.chars().take(40).collect();
             self.error(line, format!("the face has the corner `{shown}`; expected vertex, vertex/texture or vertex/texture/normal"));
             return None;
         }
-        let vertex = self.index(line, 0, parts[0])?;
-        let mut optional = |kind: usize| match parts.get(kind) {
-            None | Some(&"") => Some(None),
-            Some(word) => self.index(line, kind, word).map(Some),
-        };
-        let texture = optional(1)?;
-        optional(2)?;
-        Some((vertex, texture))
+        let mut indices = [NONE; 3];
+        for (kind, word) in parts.iter().enumerate().filter(|(_, word)| !word.is_empty()) {
+            indices[kind] = self.index(line, kind, word)?;
+        }
+        Some(indices)
     }
 
-    fn index(&mut self, line: u32, kind: usize, word: &str) -> Option<i64> {
-        let (what, count) = (KINDS[kind], self.counts[kind]);
-        let shown: String = word.chars().take(40).collect();
+    fn index(&mut self, line: u32, kind: usize, word: &str) -> Option<u32> {
+        let (what, count) = (KINDS[kind], self.out.vertices.counts()[kind]);
         let Ok(index) = word.parse::<i64>() else {
+            let shown: String = word.chars().take(40).collect();
             self.error(line, format!("the face has `{shown}` where the number of a {what} should be"));
             return None;
         };
         let resolved = if index < 0 { index.saturating_add(count + 1) } else { index };
-        if kind == 2 {
-            if resolved < 1 || resolved > count {
-                self.findings.count(At::line(self.file, line), "normals that do not exist were referred to (normals are not used)");
-            }
-            return Some(resolved);
+        // A normal is not worth refusing a scene for, and there are programs that write their indices without the list.
+        if resolved < 1 && kind == 2 {
+            return Some(NONE - 1);
         }
         if index == 0 {
             self.error(line, format!("the face uses {what} 0, but indices begin at 1"));
@@ -280,22 +251,24 @@ impl Scanner<'_> {
             return None;
         }
         // The highest is always noted, so nothing undefined slips through; of the others, more than can be reported.
-        if resolved > count && (self.ahead.len() < AHEAD || resolved > self.highest[kind]) {
+        if kind < 2 && resolved > count && (self.ahead.len() < AHEAD || resolved > self.highest[kind]) {
             self.highest[kind] = self.highest[kind].max(resolved);
             self.ahead.push((line, kind, resolved));
         }
-        Some(resolved)
+        Some(u32::try_from(resolved - 1).unwrap_or(NONE).min(NONE - 1))
     }
 
     /// What can only be told at the end: indices that stay undefined, and texts without a face.
     fn finish(&mut self) {
+        let counts = self.out.vertices.counts();
         for (line, kind, index) in std::mem::take(&mut self.ahead) {
-            if index > self.counts[kind] {
-                self.error(line, format!("the face uses {} {index}, but only {} are defined", KINDS[kind], self.counts[kind]));
+            if index > counts[kind] {
+                self.error(line, format!("the face uses {} {index}, but only {} are defined", KINDS[kind], counts[kind]));
             }
         }
-        if self.out.notes.is_empty() && !self.findings.has_errors() {
+        if self.out.faces.is_empty() && !self.findings.has_errors() {
             self.findings.error(At::file(self.file), "the file has no faces, so there is nothing to bake");
         }
+        self.out.vertices.finish(self.file, self.findings);
     }
 }

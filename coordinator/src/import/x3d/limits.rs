@@ -13,6 +13,8 @@ pub(super) const INSTANCE_STEPS: u64 = 8;
 pub(super) const MAX_PROTO_DEPTH: usize = 32;
 /// Files inlined into one another.
 pub(super) const MAX_INLINE_DEPTH: usize = 16;
+/// What a route counts: between instances there are as many as one has senders times the other has receivers.
+pub(super) const ROUTE_STEPS: u64 = 4;
 /// Calls of the resolver inside one another: a path of nodes, with the instances and files on it.
 pub(super) const MAX_RECURSION: usize = MAX_DEPTH as usize + MAX_PROTO_DEPTH + MAX_INLINE_DEPTH;
 /// Brackets inside one another in JSON, which takes three for a node.

@@ -56,22 +56,30 @@ pub(super) fn parse(ty: FieldType, text: &str, form: Form) -> Result<Parsed, Fau
     }
 }
 
+/// What stands between words: blanks, commas and, in JSON, brackets.
+fn is_blank(c: char, form: Form) -> bool {
+    c.is_ascii_whitespace() || c == ',' || (c == '[' || c == ']') && form == Form::Json
+}
+
+/// The first byte from `at` on that is neither blank nor comment.
+fn skip_blanks(text: &str, mut at: usize, form: Form) -> Option<usize> {
+    loop {
+        at += text[at..].find(|c| !is_blank(c, form))?;
+        if form != Form::Classic || !text[at..].starts_with('#') {
+            return Some(at);
+        }
+        at += text[at..].find(['\n', '\r']).unwrap_or(text.len() - at);
+    }
+}
+
 /// The words of a text with their places; commas count as blanks, as do the brackets of JSON.
 pub(super) fn words(text: &str, form: Form) -> impl Iterator<Item = (usize, &str)> {
-    let blank = move |c: char| c.is_ascii_whitespace() || c == ',' || (c == '[' || c == ']') && form == Form::Json;
+    let ends = move |c: char| is_blank(c, form) || form == Form::Classic && c == '#';
     let mut at = 0;
     std::iter::from_fn(move || {
-        loop {
-            at += text[at..].find(|c| !blank(c))?;
-            if form == Form::Classic && text[at..].starts_with('#') {
-                at += text[at..].find(['\n', '\r']).unwrap_or(text.len() - at);
-                continue;
-            }
-            let end = text[at..].find(|c| blank(c) || form == Form::Classic && c == '#').map_or(text.len(), |e| at + e);
-            let word = (at, &text[at..end]);
-            at = end;
-            return Some(word);
-        }
+        let start = skip_blanks(text, at, form)?;
+        at = text[start..].find(ends).map_or(text.len(), |e| start + e);
+        Some((start, &text[start..at]))
     })
 }
 
@@ -237,10 +245,9 @@ fn json_strings(text: &str) -> Result<Strings, Fault> {
 fn quoted(text: &str, form: Form) -> Result<Vec<Arc<str>>, Fault> {
     let mut list = vec![];
     let mut at = 0;
-    while let Some((skipped, word)) = words(&text[at..], form).next() {
-        let start = at + skipped;
-        if !word.starts_with('"') {
-            return fault(start, format!("`{}` where a string in quotes should be", shown(word)));
+    while let Some(start) = skip_blanks(text, at, form) {
+        if !text[start..].starts_with('"') {
+            return fault(start, format!("`{}` where a string in quotes should be", shown(&text[start..])));
         }
         let Some(length) = string_length(&text[start..]) else { return fault(start, "a string without its closing quote") };
         list.push(Arc::from(unescaped(&text[start + 1..start + length - 1])));

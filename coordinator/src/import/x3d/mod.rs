@@ -18,6 +18,7 @@ mod limits;
 mod literal;
 mod lower;
 mod node;
+mod references;
 mod resolve;
 mod rewrite;
 mod scene;
@@ -32,6 +33,7 @@ use kiln_proto::{options::ImportOptions, scene::Scene};
 
 pub(super) use document::{Document, Inlined, NodeId, Place};
 pub(super) use node::NodeRef;
+pub(super) use references::{Reference, references};
 pub use rewrite::{Rewritten, rewrite};
 pub use write::X3dEncoding;
 

@@ -128,11 +128,6 @@ impl<'a> NodeRef<'a> {
         self.tuple(name)
     }
 
-    /// An `SFMatrix3f` or `SFMatrix3d`, as written: the rows of the file, the last of which translates.
-    pub(crate) fn matrix3(self, name: &str) -> [f32; 9] {
-        self.tuple(name)
-    }
-
     /// An `SFMatrix4f` or `SFMatrix4d`, as written: the rows of the file, the last of which translates.
     pub(crate) fn matrix4(self, name: &str) -> [f32; 16] {
         self.tuple(name)

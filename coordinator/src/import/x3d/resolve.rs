@@ -7,9 +7,11 @@
 
 mod file;
 mod frame;
+mod instance;
 mod node;
 mod proto;
 mod route;
+mod skip;
 mod tally;
 #[cfg(test)]
 mod tests;
@@ -108,7 +110,7 @@ impl<'a> Resolver<'a> {
         self.steps_left = self.steps_left.saturating_sub(count);
         if self.steps_left == 0 && !self.exhausted {
             self.exhausted = true;
-            self.error(place, format!("the prototypes expand to more than {MAX_STEPS} fields and nodes beyond those in the files"));
+            self.error(place, format!("the prototypes expand to more than {MAX_STEPS} fields, nodes and routes beyond those in the files"));
         }
         !self.exhausted && !self.findings.is_full()
     }

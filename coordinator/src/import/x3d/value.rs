@@ -148,7 +148,7 @@ pub(crate) enum Value {
 
 impl Value {
     /// One node.
-    pub(crate) fn node(id: NodeId) -> Self {
+    pub(super) fn node(id: NodeId) -> Self {
         Self::Nodes([id].into())
     }
 

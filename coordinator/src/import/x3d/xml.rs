@@ -3,7 +3,7 @@
 //! Elements are nodes, but for a dozen statements; attributes are fields; a child goes to the field that `containerField` or the table
 //! names, which is not decided here. A page of HTML around the scene is passed by.
 
-mod entities;
+mod guards;
 mod proto;
 
 use super::{
@@ -22,7 +22,7 @@ const STYLING: [&str; 4] = ["class", "id", "style", "is"];
 /// # Errors
 /// Text that is not XML, XML that is not X3D, nodes too deep or too many.
 pub(super) fn read(text: &str, file: u32) -> Result<super::classic::Read, SyntaxError> {
-    entities::check(text).map_err(|(at, message)| SyntaxError { place: Locator::new(text, file).place(at), message })?;
+    guards::check(text).map_err(|(at, message)| SyntaxError { place: Locator::new(text, file).place(at), message })?;
     let options = ParsingOptions { allow_dtd: true, nodes_limit: 4 * MAX_NODES as u32, entity_resolver: None };
     let document = Document::parse_with_options(text, options).map_err(|e| {
         let place = match e {
@@ -56,7 +56,7 @@ pub(super) fn read(text: &str, file: u32) -> Result<super::classic::Read, Syntax
 /// Whether a text is XML about X3D, as far as it can be read.
 pub(super) fn has_x3d_root(text: &str) -> bool {
     let options = ParsingOptions { allow_dtd: true, nodes_limit: 4 * MAX_NODES as u32, entity_resolver: None };
-    entities::check(text).is_ok()
+    guards::check(text).is_ok()
         && Document::parse_with_options(text, options).is_ok_and(|d| d.root_element().descendants().any(|n| is(n, "X3D")))
 }
 

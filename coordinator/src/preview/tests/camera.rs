@@ -80,7 +80,7 @@ fn a_default_eye_that_is_too_far_blames_no_eye() {
     let error = view.camera(&huge).unwrap_err();
     let said = BadView::from(error.clone()).to_string();
     assert!(matches!(error, BadCamera::TooFar { .. }) && said.starts_with("fov: ") && said.contains("1x4096"), "{said}");
-    let named = View { eye: Some(Vec3::new(0.0, 1e9, 1e10)), ..view };
+    let named = View { eye: Some(Vec3::new(0.0, 1e9, 1e10)), ..view.clone() };
     assert!(named.camera(&huge).is_ok() && view.camera(&corner()).is_ok());
 }
 
@@ -103,4 +103,45 @@ fn what_is_asked_of_rays_is_read_or_refused() {
     }
     let far = ask(&[("eye", "1e20,0,0")]).unwrap_err().to_string();
     assert_eq!(far.matches("eye").count(), 1, "{far}");
+}
+
+fn authors(lens: kiln_proto::scene::Lens) -> kiln_proto::scene::Camera {
+    kiln_proto::scene::Camera { name: "door".into(), eye: [1.0, 2.0, 3.0], forward: [0.0, 0.0, -1.0], up: [1.0, 0.0, 0.0], lens }
+}
+
+#[test]
+fn the_author_s_cameras_look_as_they_were_placed() {
+    use kiln_proto::scene::Lens;
+    let (fov, upright) = (std::f32::consts::FRAC_PI_2, size(2, 4));
+    let of = |lens, size| Camera::of_author(&authors(lens), size).unwrap();
+    // +X is up, so +Y is to the left.
+    let camera = of(Lens::Perspective { fov, of_smaller: false }, upright);
+    let upper_left = camera.direction(0, 0);
+    assert!((upper_left / -upper_left.z).distance(Vec3::new(0.75, 0.25, -1.0)) < 1e-6, "{upper_left}");
+    let smaller = of(Lens::Perspective { fov, of_smaller: true }, upright).direction(0, 0);
+    assert!((smaller / -smaller.z).distance(Vec3::new(1.5, 0.5, -1.0)) < 1e-6, "{smaller}");
+    let parallel = of(Lens::Orthographic { half_height: 2.0 }, upright);
+    assert_eq!((parallel.direction(0, 0), parallel.direction(1, 3)), (Vec3::NEG_Z, Vec3::NEG_Z));
+    assert!(parallel.origin(0, 0).as_vec3().distance(Vec3::new(2.5, 2.5, 3.0)) < 1e-6, "{}", parallel.origin(0, 0));
+    assert_eq!(camera.origin(0, 0).as_vec3(), Vec3::new(1.0, 2.0, 3.0));
+    let blind = kiln_proto::scene::Camera { forward: [0.0; 3], ..authors(Lens::Perspective { fov, of_smaller: false }) };
+    assert!(matches!(Camera::of_author(&blind, upright), Err(BadCamera::NoDirection { .. })));
+}
+
+#[test]
+fn parallel_rays_see_what_lies_before_them() {
+    let mut scene = corner();
+    let lens = kiln_proto::scene::Lens::Orthographic { half_height: 1.0 };
+    scene.cameras.push(kiln_proto::scene::Camera { up: [0.0, 1.0, 0.0], ..authors(lens) });
+    let view = View { camera: Some("door".into()), size: size(8, 8), ..View::default() };
+    let camera = view.camera(&scene).unwrap();
+    let plan = plan_of(&scene, "16x16", "2x2");
+    let seen = nearest(&Stage::new(&scene, &plan, &camera).look(&camera, 0..8, &Stop::default()).unwrap());
+    // Two metres of the wall, from x = 0 to 2: every step is a quarter of a metre.
+    let u: Vec<f32> = seen[..8].iter().map(|s| s.unwrap().uv[0]).collect();
+    assert!(u.windows(2).all(|w| (w[1] - w[0] - 0.75 * 0.25 / 4.0).abs() < 1e-6), "{u:?}");
+    let missing = View { camera: Some("Door".into()), ..view }.camera(&scene).unwrap_err();
+    assert_eq!(BadView::from(missing).to_string(), "camera: the scene has no camera `Door`; it has door");
+    let both = |name: &str| matches!(name, "camera" | "eye").then(|| "0,1,2".to_owned());
+    assert_eq!(View::from_query(both).unwrap_err().field, "camera");
 }

@@ -2,8 +2,10 @@
 
 mod camera;
 mod picture;
+mod veil;
 mod visibility;
 
+use super::visibility::{Looked, Seen, Stage};
 use super::*;
 use glam::Vec3;
 use kiln_proto::{
@@ -121,6 +123,16 @@ fn corner() -> Scene {
         ],
         0.75,
     )
+}
+
+/// The nearest that each ray sees.
+fn nearest(looked: &Looked) -> Vec<Option<Seen>> {
+    let mut from = 0;
+    let first = |count: &u8| {
+        from += usize::from(*count);
+        (*count > 0).then(|| looked.layers[from - usize::from(*count)])
+    };
+    looked.counts.iter().map(first).collect()
 }
 
 fn size(width: u32, height: u32) -> PictureSize {

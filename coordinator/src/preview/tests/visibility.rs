@@ -1,8 +1,7 @@
 use super::*;
-use crate::preview::visibility::{Seen, Stage};
 
 fn look(scene: &Scene, plan: &Plan, camera: &Camera) -> Vec<Option<Seen>> {
-    Stage::new(scene, plan, camera.eye()).look(camera, 0..camera.size().height, &Stop::default()).unwrap()
+    nearest(&Stage::new(scene, plan, camera).look(camera, 0..camera.size().height, &Stop::default()).unwrap())
 }
 
 #[test]

@@ -8,7 +8,7 @@ use super::{ChunkTile, Grant, JobSpec, NewChunk, PlanRef, SceneRow, Store, Store
 use crate::{
     blob::BlobName,
     job::JobTask,
-    records::{SceneState, SceneStatistics, UnixMillis},
+    records::{LightCounts, SceneState, SceneStatistics, UnixMillis},
 };
 use kiln_proto::{
     ids::{Digest, JobId, SceneHash, Token, WorkerId},
@@ -48,7 +48,7 @@ fn plan(text: &str) -> PlanRef {
 
 async fn scene(store: &dyn Store) -> SceneRow {
     let file = StoredFile { name: "a.obj".into(), blob: blob("obj") };
-    store.add_scene(Uuid::now_v7(), &[file], NOW).await.unwrap()
+    store.add_scene(Uuid::now_v7(), &[file], &kiln_proto::options::ImportOptions::default(), NOW).await.unwrap()
 }
 
 fn statistics() -> SceneStatistics {
@@ -60,6 +60,9 @@ fn statistics() -> SceneStatistics {
         emissive_triangles: 0,
         low: [0.0; 3],
         high: [1.0; 3],
+        lights: LightCounts { spot: 2, ..LightCounts::default() },
+        environment: Some([2, 1]),
+        ..SceneStatistics::default()
     }
 }
 

@@ -29,6 +29,7 @@ use crate::{
 };
 use kiln_proto::{
     ids::{Digest, JobId, SceneHash, Token, WorkerId},
+    options::ImportOptions,
     tile::{TileIndex, TileRun},
     wire::message::{Finish, Heartbeat, Phase},
 };
@@ -111,9 +112,9 @@ async fn figures(c: &mut SqliteConnection) -> Result<Figures, StoreError> {
 
 #[async_trait::async_trait]
 impl Store for SqliteStore {
-    async fn add_scene(&self, id: Uuid, files: &[StoredFile], now: UnixMillis) -> Result<SceneRow, StoreError> {
+    async fn add_scene(&self, id: Uuid, files: &[StoredFile], options: &ImportOptions, now: UnixMillis) -> Result<SceneRow, StoreError> {
         let mut tx = self.write().await?;
-        scenes::add(&mut tx, id, files, now).await?;
+        scenes::add(&mut tx, id, files, options, now).await?;
         let row = there(scenes::get(&mut tx, id).await?, "the new scene")?;
         tx.commit().await?;
         Ok(row)

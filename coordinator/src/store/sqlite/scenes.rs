@@ -10,16 +10,23 @@ use crate::{
     records::{Problem, SceneRecord, SceneState, UnixMillis},
     store::{SceneRow, StoreError, StoredFile, Task, TaskResult},
 };
-use kiln_proto::ids::SceneHash;
+use kiln_proto::{ids::SceneHash, options::ImportOptions};
 use sqlx::{Row, SqliteConnection, sqlite::SqliteRow};
 use uuid::Uuid;
 
-pub(super) async fn add(c: &mut SqliteConnection, id: Uuid, files: &[StoredFile], now: UnixMillis) -> Result<(), StoreError> {
-    sqlx::query("INSERT INTO scenes (id, state, created, files) VALUES (?, ?, ?, ?)")
+pub(super) async fn add(
+    c: &mut SqliteConnection,
+    id: Uuid,
+    files: &[StoredFile],
+    options: &ImportOptions,
+    now: UnixMillis,
+) -> Result<(), StoreError> {
+    sqlx::query("INSERT INTO scenes (id, state, created, files, options) VALUES (?, ?, ?, ?, ?)")
         .bind(id.to_string())
         .bind(scene_state_name(SceneState::Uploaded))
         .bind(now)
         .bind(json(&files)?)
+        .bind(json(options)?)
         .execute(&mut *c)
         .await?;
     tasks::enqueue(c, &Task::Import(id)).await
@@ -33,6 +40,7 @@ fn row(row: &SqliteRow) -> Result<SceneRow, StoreError> {
         scene: maybe("hash")?.map(|t| parse("a scene hash", &t)).transpose()?,
         state: scene_state(&text("state")?)?,
         created_ms: row.try_get("created")?,
+        options: from_json("import options", &text("options")?)?,
         statistics: maybe("statistics")?.map(|t| from_json("statistics", &t)).transpose()?,
         warnings: from_json("problems", &text("warnings")?)?,
         problems: from_json("problems", &text("problems")?)?,

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::store::conformance;
+use kiln_proto::options::ImportOptions;
 use std::sync::Arc;
 
 #[tokio::test]
@@ -24,7 +25,7 @@ async fn a_later_schema_is_refused() {
     sqlx::raw_sql("PRAGMA user_version = 99").execute(&store.writer).await.unwrap();
     store.close().await;
     let error = SqliteStore::open(&path).await.err().unwrap();
-    assert!(matches!(error, StoreError::Newer { found: 99, known: 2, .. }), "{error}");
+    assert!(matches!(error, StoreError::Newer { found: 99, known: 3, .. }), "{error}");
 }
 
 /// What SQLite rolls back by itself must not be waited for: `max_page_count` makes a full disk of any.
@@ -36,14 +37,14 @@ async fn it_writes_again_when_the_disk_has_room_again() {
     let limit = |n: i64| sqlx::raw_sql(sqlx::AssertSqlSafe(format!("PRAGMA max_page_count = {n}"))).execute(&store.writer);
     limit(pages).await.unwrap();
     let files = |n: usize| [StoredFile { name: "x".repeat(n), blob: BlobName::of(b"x") }];
-    let full = store.add_scene(Uuid::now_v7(), &files(100_000), 0).await.unwrap_err();
+    let full = store.add_scene(Uuid::now_v7(), &files(100_000), &ImportOptions::default(), 0).await.unwrap_err();
     assert!(
         full.to_string().contains("full") || std::error::Error::source(&full).is_some_and(|e| e.to_string().contains("full")),
         "{full:?}"
     );
     limit(1 << 30).await.unwrap();
     let id = Uuid::now_v7();
-    store.add_scene(id, &files(100_000), 0).await.unwrap();
+    store.add_scene(id, &files(100_000), &ImportOptions::default(), 0).await.unwrap();
     assert!(store.scene(id).await.unwrap().is_some());
 }
 

@@ -6,7 +6,8 @@
  * another.
  */
 
-import type { Container, Vec3 } from '../format/container.ts';
+import type { Vec3 } from '../format/bytes.ts';
+import type { Container } from '../format/container.ts';
 import { cross, dot, length, scale, sub } from './frame.ts';
 import { trianglePositions } from './geometry.ts';
 

@@ -9,7 +9,7 @@ import { type Block, type ExpandedBlock, expandBlock } from './decode.ts';
 import type { ExpandRequest } from './expand.worker.ts';
 import type { Grid } from './grid.ts';
 import { cosineWeights, depthOfStep } from './grid.ts';
-import type { Walk } from '../format/container.ts';
+import type { Walk } from '../format/plan.ts';
 
 /** Blocks handed to a worker before the first comes back: enough to keep it busy, few enough to bound memory. */
 const AHEAD = 2;

@@ -3,8 +3,8 @@
  * theta_i = (i + 1/2) * 90/nTheta degrees from the normal, phi_j = j * 360/nPhi degrees from the tangent, depth = i * nPhi + j.
  */
 
-import type { Vec3, Walk } from '../format/container.ts';
-import { FormatError } from '../format/bytes.ts';
+import { FormatError, type Vec3 } from '../format/bytes.ts';
+import type { Walk } from '../format/plan.ts';
 
 export interface Grid {
   nTheta: number;

@@ -4,10 +4,13 @@
  */
 
 import type { CodedSurface, KeptSamples } from '../format/coded.ts';
-import type { Container, SurfacePlan, Vec3, Walk } from '../format/container.ts';
+import type { Vec3 } from '../format/bytes.ts';
+import type { Container } from '../format/container.ts';
+import type { SurfacePlan, Walk } from '../format/plan.ts';
 import type { Manifest } from '../format/manifest.ts';
 import { TILE_SIDE, type TileSegment } from '../format/segment.ts';
 import { sceneBounds } from './camera.ts';
+import { type SurfaceCover, surfaceCover } from './cover.ts';
 import { type Block, sliceKept } from './decode.ts';
 import { type SurfaceGeometry, sceneGeometry } from './geometry.ts';
 import { type Grid, directionCount, parseGrid } from './grid.ts';
@@ -101,6 +104,8 @@ export interface FieldSurface {
   walk: Walk;
   source: SampleSource;
   geometry: SurfaceGeometry;
+  /** null where it covers all that lies behind it. */
+  cover: SurfaceCover | null;
   /** Number of its first tile in the Bake phase. */
   firstTile: number;
 }
@@ -141,6 +146,7 @@ export function makeField(
       walk: container.plan.results?.walks[index] ?? 'phi',
       source: source(index, grid),
       geometry: geometries[index],
+      cover: surfaceCover(container, index, geometries[index]),
       firstTile: first,
     };
   });

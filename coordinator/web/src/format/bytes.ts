@@ -10,6 +10,9 @@ export class FormatError extends Error {
   override name = 'FormatError';
 }
 
+/** Three numbers: a position, a direction, or linear red, green and blue. */
+export type Vec3 = [number, number, number];
+
 /** Integers above this lose precision as numbers. */
 const SAFE = BigInt(Number.MAX_SAFE_INTEGER);
 
@@ -77,6 +80,16 @@ export class ByteReader {
     return this.view.getFloat32(this.at - 4, true);
   }
 
+  bool(field: string): boolean {
+    const byte = this.u8(field);
+    if (byte > 1) throw this.error(`${field} is neither true nor false (${byte})`);
+    return byte === 1;
+  }
+
+  vec3(field: string): Vec3 {
+    return [this.f32(field), this.f32(field), this.f32(field)];
+  }
+
   /** bincode's varint: one byte below 251, else 251, 252 or 253 before 2, 4 or 8 bytes. */
   varint(field: string): number {
     const first = this.u8(field);
@@ -114,11 +127,19 @@ export class ByteReader {
     return tag === 0 ? null : read();
   }
 
-  /** The number of a variant below `count`. */
-  variant(count: number, field: string): number {
+  /** A length and that many elements, each of at least `bytesEach` bytes. */
+  list<T>(bytesEach: number, field: string, read: () => T): T[] {
+    const count = this.length(bytesEach, field);
+    const out: T[] = [];
+    for (let i = 0; i < count; i++) out.push(read());
+    return out;
+  }
+
+  /** The variant whose number comes next. */
+  variant<T>(variants: readonly T[], field: string): T {
     const v = this.varint(field);
-    if (v >= count) throw this.error(`${field} has variant ${v}; this program knows ${count}`);
-    return v;
+    if (v >= variants.length) throw this.error(`${field} has variant ${v}; this program knows ${variants.length}`);
+    return variants[v];
   }
 
   /** `count` 32-bit floats, copied. */
@@ -128,6 +149,18 @@ export class ByteReader {
     const view = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
     for (let i = 0; i < count; i++) out[i] = view.getFloat32(i * 4, true);
     return out;
+  }
+
+  /** A length and that many varints in groups of `width`, as one array. */
+  varints(width: number, field: string): Uint32Array {
+    const out = new Uint32Array(this.length(width, field) * width);
+    for (let i = 0; i < out.length; i++) out[i] = this.varint(field);
+    return out;
+  }
+
+  /** Checks that what was read is all there is. */
+  end(): void {
+    if (this.left !== 0) throw this.error(`${this.left} bytes follow its end`);
   }
 
   private safe(v: bigint, field: string): number {

@@ -7,8 +7,8 @@
  */
 
 import { FormatError } from './bytes.ts';
-import type { Walk } from './container.ts';
 import { openFile } from './header.ts';
+import type { Walk } from './plan.ts';
 import { type Grid, directionCount, stepOfDepth } from '../field/grid.ts';
 
 /** Kept samples of consecutive texels. */

@@ -2,6 +2,8 @@
 
 import { FormatError } from './bytes.ts';
 
+const SCHEMA = 2;
+
 export interface ManifestSurface {
   name: string;
   file_stem: string;
@@ -44,8 +46,8 @@ export function parseManifest(text: string): Manifest {
     throw new FormatError(`manifest.json is not JSON (${(error as Error).message}); is the URL that of a package's manifest?`);
   }
   const manifest = json as Partial<Manifest> | null;
-  if (manifest?.schema !== 1) {
-    throw new FormatError(`manifest.json has schema ${String(manifest?.schema)}; this page reads schema 1`);
+  if (manifest?.schema !== SCHEMA) {
+    throw new FormatError(`manifest.json has schema ${String(manifest?.schema)}; this page reads schema ${SCHEMA}`);
   }
   if (!Array.isArray(manifest.surfaces) || !Array.isArray(manifest.files) || typeof manifest.exposure?.stops !== 'number') {
     throw new FormatError('manifest.json lacks surfaces, files or exposure');

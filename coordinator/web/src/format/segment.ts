@@ -2,7 +2,7 @@
 
 import { ByteReader } from './bytes.ts';
 import type { KeptSamples } from './coded.ts';
-import type { Walk } from './container.ts';
+import type { Walk } from './plan.ts';
 import { crc32c } from './crc32c.ts';
 import { type Grid, directionCount } from '../field/grid.ts';
 

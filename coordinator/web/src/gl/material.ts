@@ -1,14 +1,17 @@
 /** Materials of baked surfaces: one for each scheme, all with the uniforms that a whole light field shares. */
 
 import {
-  type DataArrayTexture, type DataTexture, FrontSide, GLSL3, type IUniform, LessEqualDepth, RawShaderMaterial, Vector2, Vector3,
+  CustomBlending, type DataArrayTexture, type DataTexture, FrontSide, GLSL3, type IUniform, LessEqualDepth, OneFactor, OneMinusSrcAlphaFactor,
+  RawShaderMaterial, Vector2, Vector3, Vector4,
 } from 'three';
+import type { Cover, Sampled } from '../field/cover.ts';
 import type { ArrayLayout } from '../field/layout.ts';
 import type { Scheme } from '../viewer/api.ts';
+import type { ChannelTextures } from './channels.ts';
 import { depthProgram, surfaceProgram } from './shaders.ts';
 import type { StreamTextures } from './textures.ts';
 
-/** Lamps that the draft knows; `LF_DRAFT_LIGHTS` in `lf_draft.glsl`. */
+/** Lights that the draft knows; `LF_DRAFT_LIGHTS` in `lf_draft.glsl`. */
 export const DRAFT_LIGHTS = 16;
 
 /** Uniforms of all surfaces of a field: one object each, so that a change reaches every material. */
@@ -19,22 +22,31 @@ export interface SharedUniforms {
   lfTexelGrid: IUniform<number>;
   lfDraftExposure: IUniform<number>;
   lfLightCount: IUniform<number>;
-  lfLightPosition: IUniform<Vector3[]>;
-  lfLightNormal: IUniform<Vector3[]>;
-  lfLightPower: IUniform<Vector3[]>;
+  lfLightPlace: IUniform<Vector4[]>;
+  lfLightAxis: IUniform<Vector4[]>;
+  lfLightPower: IUniform<Vector4[]>;
+  lfLightFall: IUniform<Vector3[]>;
+  lfLightCone: IUniform<Vector2[]>;
+  lfAmbient: IUniform<Vector3>;
+  lfParts: IUniform<DataTexture>;
 }
 
-export function sharedUniforms(): SharedUniforms {
-  const vectors = () => Array.from({ length: DRAFT_LIGHTS }, () => new Vector3());
+/** `parts` is the table of {@link partTable}. */
+export function sharedUniforms(parts: DataTexture): SharedUniforms {
+  const each = <T>(make: () => T): T[] => Array.from({ length: DRAFT_LIGHTS }, make);
   return {
     lfOutput: { value: 0 },
     lfExposure: { value: 1 },
     lfTexelGrid: { value: 0 },
     lfDraftExposure: { value: 1 },
     lfLightCount: { value: 0 },
-    lfLightPosition: { value: vectors() },
-    lfLightNormal: { value: vectors() },
-    lfLightPower: { value: vectors() },
+    lfLightPlace: { value: each(() => new Vector4()) },
+    lfLightAxis: { value: each(() => new Vector4()) },
+    lfLightPower: { value: each(() => new Vector4()) },
+    lfLightFall: { value: each(() => new Vector3()) },
+    lfLightCone: { value: each(() => new Vector2()) },
+    lfAmbient: { value: new Vector3() },
+    lfParts: { value: parts },
   };
 }
 
@@ -44,37 +56,71 @@ export interface SurfaceUniforms {
   lfSize: IUniform<Vector2>;
   lfGrid: IUniform<Vector2>;
   lfThetaFastest: IUniform<number>;
-  lfDiffuse: IUniform<Vector3>;
-  lfEmission: IUniform<Vector3>;
 }
 
-function material(scheme: Scheme, uniforms: Record<string, IUniform>, defines: Record<string, number>): RawShaderMaterial {
+/** How a mesh covers what lies behind it, for its materials; null where it covers all. */
+export interface CoverUniforms {
+  blended: boolean;
+  uniforms: Record<string, IUniform>;
+}
+
+export function coverUniforms(cover: Cover, channels: ChannelTextures): CoverUniforms {
+  const uniforms = {
+    lfAlpha: { value: channels.get(cover.alpha) },
+    lfPassing: { value: channels.get(cover.passing) },
+    lfAlphaMove: { value: move(cover.alpha) },
+    lfPassingMove: { value: move(cover.passing) },
+    lfProjected: { value: [cover.alpha?.projected, cover.passing?.projected].map(Number) },
+    lfCutoff: { value: cover.cutoff ?? -1 },
+    lfFresnel: { value: cover.fresnel },
+  };
+  return { blended: cover.blended, uniforms };
+}
+
+/** Rows of the map of a look-up's coordinates. */
+function move(sampled: Sampled | null): Vector3[] {
+  const [a, b, c, d, e, f] = sampled?.transform ?? [1, 0, 0, 0, 1, 0];
+  return [new Vector3(a, b, c), new Vector3(d, e, f)];
+}
+
+const coverDefines = (cover: CoverUniforms | null): Record<string, number> => (cover ? { LF_COVER: cover.blended ? 2 : 1 } : {});
+
+function material(
+  scheme: Scheme, uniforms: Record<string, IUniform>, defines: Record<string, number>, cover: CoverUniforms | null,
+): RawShaderMaterial {
   const { vertex, fragment } = surfaceProgram(scheme);
-  return new RawShaderMaterial({
+  const out = new RawShaderMaterial({
     name: `kiln-${scheme}`,
     glslVersion: GLSL3,
     vertexShader: vertex,
     fragmentShader: fragment,
-    uniforms,
-    defines,
+    uniforms: { ...uniforms, ...cover?.uniforms },
+    defines: { ...defines, ...coverDefines(cover) },
     side: FrontSide,
     // The pre-pass has written the depths; see `lf_depth.frag`.
     depthWrite: false,
     depthFunc: LessEqualDepth,
   });
+  if (cover?.blended) {
+    out.transparent = true;
+    out.blending = CustomBlending;
+    out.blendSrc = OneFactor;
+    out.blendDst = OneMinusSrcAlphaFactor;
+  }
+  return out;
 }
 
 const filterDefines = (hardware: boolean): Record<string, number> => (hardware ? { LF_HW_FILTER: 1 } : {});
 
 /** Schemes `raw` and `expanded`. */
 export function arrayMaterial(
-  scheme: 'raw' | 'expanded', base: Record<string, IUniform>, texture: DataArrayTexture, layout: ArrayLayout, hardware: boolean,
+  scheme: 'raw' | 'expanded', base: Record<string, IUniform>, texture: DataArrayTexture, layout: ArrayLayout, hardware: boolean, cover: CoverUniforms | null,
 ): RawShaderMaterial {
   const own = { lfSamples: { value: texture }, lfCells: { value: new Vector2(layout.cellsX, layout.cellsY) } };
-  return material(scheme, { ...base, ...own }, filterDefines(hardware));
+  return material(scheme, { ...base, ...own }, filterDefines(hardware), cover);
 }
 
-export function streamedMaterial(base: Record<string, IUniform>, textures: StreamTextures): RawShaderMaterial {
+export function streamedMaterial(base: Record<string, IUniform>, textures: StreamTextures, cover: CoverUniforms | null): RawShaderMaterial {
   const own: Record<string, IUniform> = {
     lfStarts: { value: textures.starts },
     lfSteps: { value: textures.steps },
@@ -82,19 +128,21 @@ export function streamedMaterial(base: Record<string, IUniform>, textures: Strea
     lfLogRows: { value: new Vector3(...textures.logRows) },
   };
   if (textures.map) own.lfMap = { value: textures.map };
-  return material('streamed', { ...base, ...own }, textures.map ? {} : { LF_DIRECT: 1 });
+  return material('streamed', { ...base, ...own }, textures.map ? {} : { LF_DIRECT: 1 }, cover);
 }
 
-export const meanMaterial = (base: Record<string, IUniform>, texture: DataTexture, hardware: boolean): RawShaderMaterial =>
-  material('mean', { ...base, lfMean: { value: texture } }, filterDefines(hardware));
+export const meanMaterial = (base: Record<string, IUniform>, texture: DataTexture, hardware: boolean, cover: CoverUniforms | null): RawShaderMaterial =>
+  material('mean', { ...base, lfMean: { value: texture } }, filterDefines(hardware), cover);
 
 /** The depth pre-pass. */
-export const depthMaterial = (): RawShaderMaterial =>
+export const depthMaterial = (cover: CoverUniforms | null): RawShaderMaterial =>
   new RawShaderMaterial({
     name: 'kiln-depth',
     glslVersion: GLSL3,
     vertexShader: depthProgram.vertex,
     fragmentShader: depthProgram.fragment,
+    uniforms: { ...cover?.uniforms },
+    defines: coverDefines(cover),
     side: FrontSide,
     colorWrite: false,
   });

@@ -2,19 +2,22 @@
  * A light field as an object of a three.js scene: add it, call {@link LightFieldObject.prepare}, draw as always.
  *
  * The depth pre-pass is two meshes a surface with render orders, not a pass of its own: any renderer draws it, frustum culling works as for every
- * mesh, and a host scene needs no changes. It costs twice the draw calls; drawing light fields costs fragments, not draws.
+ * mesh, and a host scene needs no changes. It costs twice the draw calls; drawing light fields costs fragments, not draws. What is blended is sorted for
+ * a camera by {@link LightFieldObject.sort}, before each frame: three asks objects for nothing between knowing the camera and uploading their vertices.
  */
 
-import { Group, type WebGLRenderer } from 'three';
+import { type Camera, Group, Vector3, type WebGLRenderer } from 'three';
 import { ExpandPool } from '../field/expand-pool.ts';
 import { fitBudget } from '../field/budget.ts';
 import type { GpuLimits } from '../field/layout.ts';
 import { type LightField, TileSource } from '../field/light-field.ts';
-import { length, sub } from '../field/frame.ts';
+import { add, length, scale, sub } from '../field/frame.ts';
 import { type TileSegment } from '../format/segment.ts';
 import type { Scheme } from '../viewer/api.ts';
-import { setLamps } from './lamps.ts';
+import { ChannelTextures } from './channels.ts';
+import { setLights } from './lamps.ts';
 import { type SharedUniforms, depthMaterial, sharedUniforms } from './material.ts';
+import { partTable } from './parts.ts';
 import { type Look, SurfaceView } from './surface.ts';
 
 export interface PrepareOptions {
@@ -27,11 +30,12 @@ export interface PrepareOptions {
 
 export class LightFieldObject extends Group {
   readonly field: LightField;
-  readonly uniforms: SharedUniforms = sharedUniforms();
+  readonly uniforms: SharedUniforms;
   readonly surfaces: SurfaceView[];
   private readonly pool = new ExpandPool();
   private readonly renderer: WebGLRenderer;
-  private readonly depthOnly = depthMaterial();
+  private readonly depthOnly = depthMaterial(null);
+  private readonly channels: ChannelTextures;
   private layouts = 0;
 
   /** `renderer` is the one that draws it: textures belong to its context. */
@@ -41,21 +45,25 @@ export class LightFieldObject extends Group {
     this.renderer = renderer;
     const limits = gpuLimits(renderer);
     const { low, high } = field.bounds;
-    const guess = setLamps(this.uniforms, field.container, length(sub(high, low)) / 2);
+    this.uniforms = sharedUniforms(partTable(field.container.scene));
+    const guess = setLights(this.uniforms, field.container, { centre: scale(add(low, high), 0.5), radius: length(sub(high, low)) / 2 || 1 });
     this.uniforms.lfDraftExposure.value = field.container.plan.results ? 2 ** field.exposureStops : guess;
-    this.surfaces = field.surfaces.map((surface) => new SurfaceView(field, surface, this.uniforms, this.depthOnly, limits));
+    this.channels = new ChannelTextures(field.container.scene, limits);
+    this.surfaces = field.surfaces.map((surface) => new SurfaceView(field, surface, this.uniforms, this.channels, this.depthOnly, limits));
     this.add(...this.surfaces.map((view) => view.group));
   }
 
   /** Bytes that {@link prepare} would take. */
   plannedBytes({ scheme, budget }: Pick<PrepareOptions, 'scheme' | 'budget'>): number {
     const costs = this.surfaces.map((view) => view.costs());
-    return fitBudget(costs, budget, scheme).reduce((sum, chosen, i) => sum + ((chosen && costs[i][chosen]) ?? 0), 0);
+    const { bytes } = this.channels;
+    return fitBudget(costs, budget - bytes, scheme).reduce((sum, chosen, i) => sum + ((chosen && costs[i][chosen]) ?? 0), bytes);
   }
 
   /** Lays out and fills the textures. Resolves when all is on the GPU; what is not there yet is drawn as a draft. */
   async prepare({ scheme, budget, changed }: PrepareOptions): Promise<void> {
-    const schemes = fitBudget(this.surfaces.map((view) => view.costs()), budget, scheme);
+    this.channels.fit(budget);
+    const schemes = fitBudget(this.surfaces.map((view) => view.costs()), budget - this.channels.bytes, scheme);
     const layout = ++this.layouts;
     this.surfaces.forEach((view, i) => view.begin(this.renderer, schemes[i]));
     changed();
@@ -111,15 +119,35 @@ export class LightFieldObject extends Group {
     this.surfaces.forEach((view) => view.show(look, hardware));
   }
 
+  /** Whether what lies behind shows through something. */
+  get blended(): boolean {
+    return this.surfaces.some((view) => view.blended);
+  }
+
+  /** Orders what is blended back to front for a camera whose matrices are up to date. */
+  sort(camera: Camera): void {
+    if (!this.blended) return;
+    const eye = this.worldToLocal(new Vector3().setFromMatrixPosition(camera.matrixWorld)).toArray();
+    this.surfaces.forEach((view) => view.sort(eye));
+  }
+
+  /** What the shaders write: see {@link SurfaceView.setOutput}. */
+  setOutput(output: number): void {
+    this.uniforms.lfOutput.value = output;
+    this.surfaces.forEach((view) => view.setOutput(output));
+  }
+
   /** Bytes of all textures. */
   get bytes(): number {
-    return this.surfaces.reduce((sum, view) => sum + view.bytes, 0);
+    return this.surfaces.reduce((sum, view) => sum + view.bytes, this.channels.bytes);
   }
 
   override dispose(): void {
     this.pool.dispose();
     this.surfaces.forEach((view) => view.dispose());
     this.depthOnly.dispose();
+    this.channels.dispose();
+    this.uniforms.lfParts.value.dispose();
     super.dispose();
   }
 }

@@ -1,48 +1,47 @@
 /**
- * Draws frames of one light field: the plain view, the error map as two pictures and their difference, and linear radiance for reading back.
+ * Draws frames of one light field: the plain view, the error map as two pictures and their difference, and linear radiance for reading back. A scene with
+ * glass in it is drawn in linear light and then brought to the screen: light adds up as light, not as the bytes of a display.
  */
 
 import {
-  BufferAttribute, BufferGeometry, Color, FloatType, GLSL3, HalfFloatType, Mesh, NearestFilter, type OrthographicCamera, type PerspectiveCamera,
+  BufferAttribute, BufferGeometry, Color, FloatType, GLSL3, HalfFloatType, type IUniform, Mesh, NearestFilter, type OrthographicCamera, type PerspectiveCamera,
   RawShaderMaterial, type Scene, Vector3, WebGLRenderTarget, type WebGLRenderer, Camera,
 } from 'three';
 import type { ViewMode } from '../viewer/api.ts';
 import type { LightFieldObject } from './object.ts';
-import { errorProgram } from './shaders.ts';
+import { type Program, errorProgram, screenProgram } from './shaders.ts';
 
 /** sRGB of what lies behind the scene; `kiln render` has the same. */
 export const BACKGROUND = 0x202428;
 /** Levels at the end of the error scale. */
 export const ERROR_RANGE = 8;
+/** Samples a pixel of what is drawn in linear light; browsers give a canvas as many. */
+const SAMPLES = 4;
+
+type ScreenMesh = Mesh<BufferGeometry, RawShaderMaterial>;
 
 export class Painter {
   private readonly renderer: WebGLRenderer;
   private readonly targets: WebGLRenderTarget[] = [];
-  private readonly errorMesh: Mesh<BufferGeometry, RawShaderMaterial>;
+  /** Linear light, for what is blended; made when first drawn. */
+  private blending: WebGLRenderTarget | null = null;
+  private readonly triangle = new BufferGeometry();
+  private readonly errorMesh: ScreenMesh;
+  private readonly screenMesh: ScreenMesh;
   private readonly screenCamera = new Camera() as OrthographicCamera;
 
   constructor(renderer: WebGLRenderer) {
     this.renderer = renderer;
     this.settle();
-    const triangle = new BufferGeometry();
-    triangle.setAttribute('position', new BufferAttribute(new Float32Array([-1, -1, 0, 3, -1, 0, -1, 3, 0]), 3));
-    const material = new RawShaderMaterial({
-      name: 'kiln-error',
-      glslVersion: GLSL3,
-      vertexShader: errorProgram.vertex,
-      fragmentShader: errorProgram.fragment,
-      uniforms: {
-        lfShown: { value: null },
-        lfReference: { value: null },
-        lfExposure: { value: 1 },
-        lfErrorRange: { value: ERROR_RANGE },
-        lfBackground: { value: new Vector3(BACKGROUND >> 16, (BACKGROUND >> 8) & 255, BACKGROUND & 255).divideScalar(255) },
-      },
-      depthTest: false,
-      depthWrite: false,
+    this.triangle.setAttribute('position', new BufferAttribute(new Float32Array([-1, -1, 0, 3, -1, 0, -1, 3, 0]), 3));
+    this.errorMesh = this.overScreen('kiln-error', errorProgram, {
+      lfShown: { value: null },
+      lfReference: { value: null },
+      lfExposure: { value: 1 },
+      lfErrorRange: { value: ERROR_RANGE },
+      lfBackground: { value: new Vector3(BACKGROUND >> 16, (BACKGROUND >> 8) & 255, BACKGROUND & 255).divideScalar(255) },
     });
-    this.errorMesh = new Mesh(triangle, material);
-    this.errorMesh.frustumCulled = false;
+    this.screenMesh = this.overScreen('kiln-screen', screenProgram, { lfShown: { value: null } });
   }
 
   /** State that a context begins without, also one that comes back. */
@@ -58,7 +57,9 @@ export class Painter {
       return;
     }
     object?.show(mode === 'diffuse' ? 'mean' : 'shown', hardware);
-    this.renderer.render(scene, camera);
+    object?.sort(camera);
+    if (object?.blended && this.drawsFloats) this.drawBlended(scene, camera, object);
+    else this.renderer.render(scene, camera);
   }
 
   /**
@@ -81,8 +82,38 @@ export class Painter {
 
   dispose(): void {
     this.targets.forEach((target) => target.dispose());
-    this.errorMesh.geometry.dispose();
+    this.blending?.dispose();
+    this.triangle.dispose();
     this.errorMesh.material.dispose();
+    this.screenMesh.material.dispose();
+  }
+
+  /** A triangle over the whole target. */
+  private overScreen(name: string, { vertex, fragment }: Program, uniforms: Record<string, IUniform>): ScreenMesh {
+    const state = { glslVersion: GLSL3, depthTest: false, depthWrite: false };
+    const mesh = new Mesh(this.triangle, new RawShaderMaterial({ name, vertexShader: vertex, fragmentShader: fragment, uniforms, ...state }));
+    mesh.frustumCulled = false;
+    return mesh;
+  }
+
+  /** Nearly every GPU does; on others light adds up as the bytes of the display do. */
+  private get drawsFloats(): boolean {
+    const { extensions } = this.renderer;
+    return extensions.has('EXT_color_buffer_float') || extensions.has('EXT_color_buffer_half_float');
+  }
+
+  private drawBlended(scene: Scene, camera: PerspectiveCamera, object: LightFieldObject): void {
+    const { drawingBufferWidth: width, drawingBufferHeight: height } = this.renderer.getContext();
+    const filters = { minFilter: NearestFilter, magFilter: NearestFilter };
+    const target = (this.blending ??= new WebGLRenderTarget(width, height, { type: HalfFloatType, samples: SAMPLES, ...filters }));
+    target.setSize(width, height);
+    object.setOutput(3);
+    this.renderer.setRenderTarget(target);
+    this.renderer.render(scene, camera);
+    this.renderer.setRenderTarget(null);
+    object.setOutput(0);
+    this.screenMesh.material.uniforms.lfShown.value = target.texture;
+    this.renderer.render(this.screenMesh, this.screenCamera);
   }
 
   private drawError(scene: Scene, camera: PerspectiveCamera, object: LightFieldObject, hardware: boolean): void {
@@ -110,12 +141,13 @@ export class Painter {
   private linear(scene: Scene, camera: PerspectiveCamera, object: LightFieldObject, target: WebGLRenderTarget, output = 1): void {
     const { renderer } = this;
     const alpha = renderer.getClearAlpha();
-    object.uniforms.lfOutput.value = output;
+    object.sort(camera);
+    object.setOutput(output);
     renderer.setClearAlpha(0);
     renderer.setRenderTarget(target);
     renderer.render(scene, camera);
     renderer.setRenderTarget(null);
     renderer.setClearAlpha(alpha);
-    object.uniforms.lfOutput.value = 0;
+    object.setOutput(0);
   }
 }

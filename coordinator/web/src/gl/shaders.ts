@@ -4,12 +4,14 @@
 
 import arrayScheme from '../../../../shaders/lf_array.glsl?raw';
 import common from '../../../../shaders/lf_common.glsl?raw';
+import coverPart from '../../../../shaders/lf_cover.glsl?raw';
 import depthFragment from '../../../../shaders/lf_depth.frag?raw';
 import depthVertex from '../../../../shaders/lf_depth.vert?raw';
 import draft from '../../../../shaders/lf_draft.glsl?raw';
 import errorFragment from '../../../../shaders/lf_error.frag?raw';
-import errorVertex from '../../../../shaders/lf_error.vert?raw';
 import meanScheme from '../../../../shaders/lf_mean.glsl?raw';
+import screenFragment from '../../../../shaders/lf_screen.frag?raw';
+import screenVertex from '../../../../shaders/lf_screen.vert?raw';
 import streamedScheme from '../../../../shaders/lf_streamed.glsl?raw';
 import surfaceFragment from '../../../../shaders/lf_surface.frag?raw';
 import surfaceVertex from '../../../../shaders/lf_surface.vert?raw';
@@ -29,29 +31,34 @@ const join = (...parts: string[]): string => PRECISION + parts.join('\n');
 /** The program that draws a surface with a scheme. */
 export const surfaceProgram = (scheme: Scheme): Program => ({
   vertex: join(surfaceVertex),
-  fragment: join(common, SCHEMES[scheme], draft, surfaceFragment),
+  fragment: join(common, SCHEMES[scheme], draft, coverPart, surfaceFragment),
 });
 
-export const depthProgram: Program = { vertex: join(depthVertex), fragment: join(depthFragment) };
-export const errorProgram: Program = { vertex: join(errorVertex), fragment: join(common, errorFragment) };
+export const depthProgram: Program = { vertex: join(depthVertex), fragment: join(coverPart, depthFragment) };
+export const errorProgram: Program = { vertex: join(screenVertex), fragment: join(common, errorFragment) };
+export const screenProgram: Program = { vertex: join(screenVertex), fragment: join(common, screenFragment) };
 
 /** Every variant that the viewer compiles, as complete sources, for validators. */
 export function shaderVariants(): { name: string; stage: 'vert' | 'frag'; source: string }[] {
   const surface = (['expanded', 'mean'] as const).flatMap((scheme) => [
-    { name: `${scheme}-hardware`, program: surfaceProgram(scheme), defines: ['LF_HW_FILTER'] },
+    { name: `${scheme}-hardware`, program: surfaceProgram(scheme), defines: ['LF_HW_FILTER 1'] },
     { name: `${scheme}-exact`, program: surfaceProgram(scheme), defines: [] },
   ]);
-  const streamed = [[], ['LF_DIRECT']].map((defines) => ({
-    name: `streamed${defines.length ? '-direct' : ''}`,
-    program: surfaceProgram('streamed'),
-    defines,
-  }));
-  const others = [
-    { name: 'depth', program: depthProgram, defines: [] },
-    { name: 'error', program: errorProgram, defines: [] },
+  const streamed = [
+    { name: 'streamed', program: surfaceProgram('streamed'), defines: [] },
+    { name: 'streamed-direct', program: surfaceProgram('streamed'), defines: ['LF_DIRECT 1'] },
   ];
-  return [...surface, ...streamed, ...others].flatMap(({ name, program, defines }) => {
-    const head = `#version 300 es\n${defines.map((d: string) => `#define ${d} 1\n`).join('')}`;
+  const covering = [...surface, ...streamed, { name: 'depth', program: depthProgram, defines: [] }].flatMap((variant) => [
+    variant,
+    { ...variant, name: `${variant.name}-mask`, defines: [...variant.defines, 'LF_COVER 1'] },
+    { ...variant, name: `${variant.name}-blend`, defines: [...variant.defines, 'LF_COVER 2'] },
+  ]);
+  const others = [
+    { name: 'error', program: errorProgram, defines: [] },
+    { name: 'screen', program: screenProgram, defines: [] },
+  ];
+  return [...covering, ...others].flatMap(({ name, program, defines }) => {
+    const head = `#version 300 es\n${defines.map((d: string) => `#define ${d}\n`).join('')}`;
     return [
       { name, stage: 'vert' as const, source: head + program.vertex },
       { name, stage: 'frag' as const, source: head + program.fragment },

@@ -1,27 +1,27 @@
 /**
- * One baked surface on the GPU: its meshes (depth pre-pass and colour), the textures of the scheme that it is drawn with, and what else views
- * ask for (the mean for "diffuse only", raw radiance for the error map).
+ * One baked surface on the GPU: its meshes, the textures of the scheme that it is drawn with, and what else views ask for (the mean for "diffuse only",
+ * raw radiance for the error map).
  */
 
 import {
-  BufferAttribute, BufferGeometry, type DataArrayTexture, type DataTexture, Group, type IUniform, Mesh, type RawShaderMaterial, type Texture,
-  Vector2, Vector3, type WebGLRenderer,
+  type DataArrayTexture, type DataTexture, Group, type IUniform, OneFactor, OneMinusSrcAlphaFactor, type RawShaderMaterial, type Texture, Vector2,
+  type WebGLRenderer, ZeroFactor,
 } from 'three';
+import type { Vec3 } from '../format/bytes.ts';
 import type { ExpandPool } from '../field/expand-pool.ts';
 import { type FieldSurface, type LightField, PackageSource, fieldDirections } from '../field/light-field.ts';
 import { type ArrayLayout, type GpuLimits, arrayBytes, arrayLayout } from '../field/layout.ts';
 import type { Block } from '../field/decode.ts';
 import type { Costs } from '../field/budget.ts';
 import type { Scheme } from '../viewer/api.ts';
-import { type SharedUniforms, type SurfaceUniforms, arrayMaterial, meanMaterial, streamedMaterial } from './material.ts';
+import type { ChannelTextures } from './channels.ts';
+import { type CoverUniforms, type SharedUniforms, type SurfaceUniforms, arrayMaterial, meanMaterial, streamedMaterial } from './material.ts';
+import { type SurfaceMesh, sortMesh, surfaceMeshes } from './meshes.ts';
 import { rawLayers } from './raw.ts';
 import { type Held, meanTexture, sampleTexture, streamBytes, streamTextures, writeLayers, writeMean } from './textures.ts';
 
 /** Bytes of a block once expanded: a few frames' worth of upload. */
 const BLOCK_BYTES = 4 << 20;
-/** Drawn before everything that is not of a light field, and every pre-pass before every colour pass. */
-const FIRST = -1000;
-
 /** What a surface can be drawn as. */
 export type Look = 'shown' | 'mean' | 'raw';
 
@@ -29,7 +29,7 @@ interface Drawable {
   scheme: Scheme;
   bytes: number;
   textures: Texture[];
-  material(hardware: boolean): RawShaderMaterial;
+  material(hardware: boolean, cover: CoverUniforms | null): RawShaderMaterial;
 }
 
 export class SurfaceView {
@@ -38,15 +38,15 @@ export class SurfaceView {
   private readonly field: LightField;
   private readonly limits: GpuLimits;
   private readonly base: Record<string, IUniform>;
-  private readonly mesh: Mesh<BufferGeometry, RawShaderMaterial>;
+  private readonly meshes: SurfaceMesh[];
   private readonly looks: Partial<Record<Look, Drawable>> = {};
   private samples: { held: Held<DataArrayTexture>; layout: ArrayLayout } | null = null;
   private mean: Held<DataTexture> | null = null;
   /** No light anywhere. */
   private readonly nothing = meanTexture(1, 1).texture;
-  /** Before anything is laid out: the draft alone. */
-  private readonly empty: RawShaderMaterial;
-  /** By look and filter; made when first drawn. */
+  /** Of each mesh, before anything is laid out: the draft alone. */
+  private readonly empty: RawShaderMaterial[];
+  /** By look, filter and mesh; made when first drawn. */
   private readonly materials = new Map<string, RawShaderMaterial>();
   /** Counts layouts: work that was begun for textures that are gone writes nothing. */
   private generation = 0;
@@ -55,29 +55,30 @@ export class SurfaceView {
   private look: Look = 'shown';
   private hardware = true;
 
-  /** `depthOnly` is the material of the pre-pass, one for all surfaces. */
-  constructor(field: LightField, surface: FieldSurface, shared: SharedUniforms, depthOnly: RawShaderMaterial, limits: GpuLimits) {
+  /** `depthOnly` is the material of the pre-pass of what covers all, one for all surfaces. */
+  constructor(field: LightField, surface: FieldSurface, shared: SharedUniforms, channels: ChannelTextures, depthOnly: RawShaderMaterial, limits: GpuLimits) {
     this.field = field;
     this.surface = surface;
     this.limits = limits;
-    const material = field.container.scene.materials[field.container.scene.surfaces[surface.index].material];
     const own: SurfaceUniforms = {
       lfSize: { value: new Vector2(surface.plan.width, surface.plan.height) },
       lfGrid: { value: new Vector2(field.grid.nTheta, field.grid.nPhi) },
       lfThetaFastest: { value: surface.walk === 'theta' ? 1 : 0 },
-      lfDiffuse: { value: new Vector3(...material.diffuse) },
-      lfEmission: { value: new Vector3(...material.emission) },
     };
     this.base = { ...shared, ...own };
-    const geometry = bufferGeometry(surface);
-    const depth = new Mesh(geometry, depthOnly);
-    depth.renderOrder = FIRST;
-    this.empty = meanMaterial(this.base, this.nothing, false);
-    this.mesh = new Mesh(geometry, this.empty);
-    this.mesh.renderOrder = FIRST + 1;
-    this.mesh.userData.surface = surface.index;
     this.group.name = surface.name;
-    this.group.add(depth, this.mesh);
+    this.meshes = surfaceMeshes(surface, this.group, channels, depthOnly, (cover) => meanMaterial(this.base, this.nothing, false, cover));
+    this.empty = this.meshes.map(({ mesh }) => mesh.material);
+  }
+
+  /** Whether what lies behind shows through some of it. */
+  get blended(): boolean {
+    return this.meshes.some(({ cover }) => cover?.blended);
+  }
+
+  /** Orders what is blended for an eye in the object's space. */
+  sort(eye: Vec3): void {
+    this.meshes.forEach((it) => sortMesh(it, this.surface.geometry.positions, eye));
   }
 
   /** What each scheme would cost. */
@@ -112,7 +113,7 @@ export class SurfaceView {
     if (scheme === 'streamed' && this.surface.source instanceof PackageSource) {
       const streams = streamTextures(renderer, this.surface.source.coded, this.limits);
       const textures = [streams.starts, streams.steps, streams.colours, ...(streams.map ? [streams.map] : [])];
-      this.looks.shown = { scheme, bytes: streams.bytes, textures, material: () => streamedMaterial(this.base, streams) };
+      this.looks.shown = { scheme, bytes: streams.bytes, textures, material: (_, cover) => streamedMaterial(this.base, streams, cover) };
     } else if (scheme === 'expanded' || scheme === 'raw') {
       this.looks.shown = this.beginSamples(scheme);
       if (scheme === 'expanded' && this.costs().mean !== null) this.beginMean();
@@ -207,21 +208,40 @@ export class SurfaceView {
     this.apply();
   }
 
+  /**
+   * Says what the shaders write, `lfOutput` in `lf_surface.frag`. The alpha of radiance is the chart behind, which light in front does not change; what is
+   * looked up is one place a pixel, and what is blended none.
+   */
+  setOutput(output: number): void {
+    for (const { mesh, cover } of this.meshes) {
+      if (!cover?.blended) continue;
+      mesh.visible = output !== 2;
+      mesh.material.blendSrcAlpha = output === 1 ? ZeroFactor : OneFactor;
+      mesh.material.blendDstAlpha = output === 1 ? OneFactor : OneMinusSrcAlphaFactor;
+    }
+  }
+
   dispose(): void {
     this.drop();
-    this.empty.dispose();
+    this.empty.forEach((material) => material.dispose());
     this.nothing.dispose();
-    this.mesh.geometry.dispose();
+    for (const { mesh, depth, cover } of this.meshes) {
+      mesh.geometry.dispose();
+      // The pre-pass of what covers all is another's.
+      if (cover) depth?.material.dispose();
+    }
   }
 
   private apply(): void {
     const look = this.looks[this.look] ? this.look : 'shown';
     const drawable = this.looks[look];
     if (!drawable) return;
-    const key = `${look} ${this.hardware}`;
-    let material = this.materials.get(key);
-    if (!material) this.materials.set(key, (material = drawable.material(this.hardware)));
-    this.mesh.material = material;
+    this.meshes.forEach(({ mesh, uniforms }, k) => {
+      const key = `${look} ${this.hardware} ${k}`;
+      let material = this.materials.get(key);
+      if (!material) this.materials.set(key, (material = drawable.material(this.hardware, uniforms)));
+      mesh.material = material;
+    });
   }
 
   private layout(): ArrayLayout | null {
@@ -233,7 +253,7 @@ export class SurfaceView {
     if (!layout) throw new Error(`${this.surface.name}: its samples do not fit this GPU's textures`);
     const linear = scheme === 'raw' && this.field.container.plan.settings.raw === 'f32';
     const held = sampleTexture(layout, linear);
-    const make = (hardware: boolean) => arrayMaterial(scheme, this.base, held.texture, layout, hardware);
+    const make: Drawable['material'] = (hardware, cover) => arrayMaterial(scheme, this.base, held.texture, layout, hardware, cover);
     return { held, layout, drawable: { scheme, bytes: held.bytes, textures: [held.texture], material: make } };
   }
 
@@ -246,7 +266,7 @@ export class SurfaceView {
   private beginMean(): Drawable {
     const held = meanTexture(this.surface.plan.width, this.surface.plan.height);
     this.mean = held;
-    const make = (hardware: boolean) => meanMaterial(this.base, held.texture, hardware);
+    const make: Drawable['material'] = (hardware, cover) => meanMaterial(this.base, held.texture, hardware, cover);
     this.looks.mean = { scheme: 'mean', bytes: held.bytes, textures: [held.texture], material: make };
     return this.looks.mean;
   }
@@ -275,22 +295,11 @@ export class SurfaceView {
   private drop(): void {
     new Set(Object.values(this.looks).flatMap((look) => look.textures)).forEach((texture) => texture.dispose());
     for (const look of Object.keys(this.looks)) delete this.looks[look as Look];
-    this.mesh.material = this.empty;
+    this.meshes.forEach(({ mesh }, k) => (mesh.material = this.empty[k]));
     this.materials.forEach((material) => material.dispose());
     this.materials.clear();
     this.samples = null;
     this.mean = null;
     this.generation++;
   }
-}
-
-function bufferGeometry({ geometry }: FieldSurface): BufferGeometry {
-  const out = new BufferGeometry();
-  out.setAttribute('position', new BufferAttribute(geometry.positions, 3));
-  out.setAttribute('normal', new BufferAttribute(geometry.normals, 3));
-  out.setAttribute('tangent', new BufferAttribute(geometry.tangents, 3));
-  out.setAttribute('uv', new BufferAttribute(geometry.uvs, 2));
-  out.setAttribute('chart', new BufferAttribute(geometry.charts, 1));
-  out.computeBoundingSphere();
-  return out;
 }

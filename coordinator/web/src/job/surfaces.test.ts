@@ -3,8 +3,8 @@ import type { SurfaceModel } from '../viewer/api.ts';
 import { surfaceCells } from './surfaces.ts';
 
 const surface: SurfaceModel = {
-  name: 'floor', fileStem: 'floor', width: 64, height: 32, covered: 1, triangles: 2, firstTile: 10, tileCount: 4, scheme: null, gpuBytes: 2048, ratio: null,
-  averageError: null, maxError: null,
+  name: 'floor', backOf: null, parts: [], fileStem: 'floor', width: 64, height: 32, covered: 1, triangles: 2, firstTile: 10, tileCount: 4, scheme: null, gpuBytes: 2048,
+  ratio: null, averageError: null, maxError: null,
 };
 
 test('a surface that bakes shows which of its tiles are done, and no figures of an encoding', () => {

@@ -1,11 +1,16 @@
 import { expect, test } from 'vitest';
-import { formatHash, parseHash } from './hash.ts';
+import { formatHash, formatNamed, parseHash, parseNamed } from './hash.ts';
 
 test('a camera comes back as it was written', () => {
   const camera = { eye: [1.5, -2, 3.1234567], target: [0, -0.00001, 1e-9], fieldOfView: 45 } as const;
   const hash = formatHash({ ...camera, eye: [...camera.eye], target: [...camera.target] });
   expect(hash).toBe('#eye=1.5,-2,3.1235&target=0,0,0&fov=45');
   expect(parseHash(hash)).toEqual({ eye: [1.5, -2, 3.1235], target: [0, 0, 0], fieldOfView: 45 });
+});
+
+test('a camera of the author comes back by its name, whatever is in it', () => {
+  for (const name of ['Door', 'Küche & Bad #2', 'a=b+c', '100 %']) expect(parseNamed(formatNamed(name)), name).toBe(name);
+  expect([parseNamed('#eye=1,2,3&target=0,0,0'), parseNamed('#camera='), parseHash(formatNamed('Door'))]).toEqual([null, null, null]);
 });
 
 test('the field of view may be left out, and other parts are ignored', () => {

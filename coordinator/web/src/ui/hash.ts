@@ -1,6 +1,6 @@
 /**
- * The camera in the fragment of a page's address, `#eye=x,y,z&target=x,y,z&fov=f`: metres and degrees, so that a view can be bookmarked, sent
- * and written by hand. Anything malformed is no camera; other parts of the fragment are ignored.
+ * The camera in the fragment of a page's address, `#eye=x,y,z&target=x,y,z&fov=f` in metres and degrees, or `#camera=NAME` for one of the author's:
+ * so that a view can be bookmarked, sent and written by hand. Anything malformed is no camera; other parts of the fragment are ignored.
  */
 
 export interface HashCamera {
@@ -19,6 +19,12 @@ export function formatHash({ eye, target, fieldOfView }: HashCamera): string {
   const list = (values: number[]) => values.map(decimal).join(',');
   return `#eye=${list(eye)}&target=${list(target)}&fov=${decimal(fieldOfView)}`;
 }
+
+/** The fragment for one of the author's cameras. */
+export const formatNamed = (name: string): string => `#${new URLSearchParams({ camera: name })}`;
+
+/** The name of the author's camera that a fragment asks for; null where it asks for none. */
+export const parseNamed = (hash: string): string | null => new URLSearchParams(hash.replace(/^#/, '')).get('camera') || null;
 
 /** The camera of a fragment; null where it has none. The field of view may be left out. */
 export function parseHash(hash: string): HashCamera | null {

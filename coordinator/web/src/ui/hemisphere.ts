@@ -161,7 +161,8 @@ export function describe(sample: TexelSample): string {
     if (value > most) [most, where] = [value, d];
   }
   const { theta, phi } = sectorDirection({ i: Math.floor(where / nPhi), j: where % nPhi }, sample.grid);
-  const place = `Texel (${sample.x}, ${sample.y}) of ${sample.surface}${sample.covered ? '' : ', in the gutter'}`;
+  const part = sample.part === sample.surface ? '' : `, part ${sample.part}`;
+  const place = `Texel (${sample.x}, ${sample.y}) of ${sample.surface}${part}${sample.covered ? '' : ', in the gutter'}`;
   const range = `luminance from ${radiance(least)} to ${radiance(most)} W/(sr m²), brightest toward θ ${theta.toFixed(1)}°, φ ${phi.toFixed(1)}°`;
   const view = `the ring marks the view, θ ${sample.view.theta.toFixed(1)}°, φ ${sample.view.phi.toFixed(1)}°`;
   return `${place}: ${sample.keptSamples} of ${nTheta * nPhi} samples kept; ${range}; ${view}.`;

@@ -5,6 +5,7 @@
 
 import type { KilnViewerElement, TexelSample, ViewMode } from '../viewer/api.ts';
 import { Announcer } from './announcer.ts';
+import { CameraChoice } from './camera-choice.ts';
 import { DisplayControls } from './display-controls.ts';
 import { el } from './dom.ts';
 import { linkToView, syncCameraWithHash } from './hash-sync.ts';
@@ -17,6 +18,7 @@ const MODES: readonly ViewMode[] = ['light-field', 'diffuse', 'error'];
 /** The panel for a viewer. `fileName` names screenshots, without their extension. Also keeps the camera in the page's address. */
 export function inspectorPanel(viewer: KilnViewerElement, fileName: () => string): HTMLElement {
   const controls = new DisplayControls(viewer);
+  controls.element.prepend(new CameraChoice(viewer).element);
   const statistics = new Statistics(viewer);
   const plot = new HemispherePlot();
   const said = new Announcer();

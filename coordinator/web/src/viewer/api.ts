@@ -21,9 +21,20 @@ export interface OrbitPosition {
   radius: number;
 }
 
+/** A run of triangles of one material within a surface. */
+export interface PartModel {
+  name: string;
+  material: string;
+  triangles: number;
+}
+
 /** One surface, for lists and inspectors. */
 export interface SurfaceModel {
+  /** The back of a two-sided surface has a light field and a name of its own, `NAME~back`. */
   name: string;
+  /** The index of the surface whose back this is. */
+  backOf: number | null;
+  parts: PartModel[];
   fileStem: string;
   width: number;
   height: number;
@@ -51,6 +62,8 @@ export interface ViewerModel {
   codec: string;
   exposureStops: number;
   bounds: { low: [number, number, number]; high: [number, number, number] };
+  /** Names of the author's cameras, distinct. */
+  cameras: string[];
   /** Whether the package kept raw radiance, so that `error` can be drawn. */
   hasRaw: boolean;
   /** A job that still bakes, not a package. */
@@ -81,6 +94,8 @@ export interface ViewerStats {
 export interface TexelSample {
   surface: string;
   surfaceIndex: number;
+  /** The part of the surface under the point; the surface's own name where it has only this. */
+  part: string;
   x: number;
   y: number;
   /** World position of the picked point, metres. */
@@ -129,6 +144,10 @@ export interface KilnViewerElement extends HTMLElement {
   /** Budget for textures, MiB. */
   memoryBudget: number;
   autoRotate: boolean;
+  /** The author's camera that is the first view; empty for a view that the viewer chooses. A name that the scene does not have counts as empty. */
+  cameraName: string;
+  /** Whether the camera stands elsewhere than in the first view. */
+  readonly cameraMoved: boolean;
   readonly loaded: boolean;
   readonly model: ViewerModel | null;
   readonly stats: ViewerStats;
@@ -151,7 +170,8 @@ export interface KilnViewerElement extends HTMLElement {
   toDataURL(type?: string, quality?: number): string;
   toBlob(options?: { mimeType?: string; qualityArgument?: number }): Promise<Blob>;
   /** A view of this size in floats, four a pixel, bottom row first. `radiance`: linear radiance x 2^stops, and as alpha the number of the chart, from 1,
-   * 0 behind the scene; what is not baked is 0. `lookup`: what is looked up there: u, v, and x and y of the direction toward the eye in the texel's frame. */
+   * 0 behind the scene; what is not baked is 0. `lookup`: what is looked up there: u, v, and x and y of the direction toward the eye in the texel's frame.
+   * Chart and look-up are those of what is opaque; glass before it is in the radiance alone. */
   renderFloats(what: 'radiance' | 'lookup', width: number, height: number): Float32Array;
   /** Draws frames one after another, each finished before the next begins; their milliseconds. */
   benchmark(frames: number): number[];

@@ -60,7 +60,7 @@ export class ViewControls {
   place(eye: Vector3, target: Vector3, radius: number): void {
     this.camera.position.copy(eye);
     this.orbit.target.copy(target);
-    this.orbit.maxDistance = radius * 40;
+    this.orbit.maxDistance = Math.max(radius * 40, eye.distanceTo(target) * 2);
     this.orbit.minDistance = radius * 1e-3;
     this.update();
   }

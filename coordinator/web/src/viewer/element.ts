@@ -13,8 +13,8 @@ import { Stage } from './stage.ts';
 import { STYLE } from './style.ts';
 
 const ATTRIBUTES = [
-  'src', 'alt', 'poster', 'loading', 'camera-controls', 'camera-orbit', 'camera-target', 'field-of-view', 'auto-rotate', 'exposure', 'mode', 'scheme',
-  'filter', 'texel-grid', 'memory-budget',
+  'src', 'alt', 'poster', 'loading', 'camera-controls', 'camera-orbit', 'camera-target', 'field-of-view', 'camera-name', 'auto-rotate', 'exposure',
+  'mode', 'scheme', 'filter', 'texel-grid', 'memory-budget',
 ];
 const MODES: ViewMode[] = ['light-field', 'diffuse', 'error'];
 const SCHEMES = ['auto', 'raw', 'expanded', 'streamed'] as const;
@@ -125,6 +125,7 @@ export class KilnViewer extends HTMLElement implements KilnViewerElement {
       'camera-orbit': () => stage.aim({ orbit: (value && parseOrbit(value)) || undefined }),
       'camera-target': () => stage.aim({ target: (value && parseVector(value)) || undefined }),
       'field-of-view': () => stage.aim({ fieldOfView: value ? fieldOfView(value) : undefined }),
+      'camera-name': () => stage.aim({ name: value ?? undefined }),
       'auto-rotate': this.rotation,
       exposure: () => (stage.options.exposure = this.exposure),
       mode: () => this.changeMode(),
@@ -155,6 +156,9 @@ export class KilnViewer extends HTMLElement implements KilnViewerElement {
   set memoryBudget(mib: number) { this.setAttribute('memory-budget', String(mib)); }
   get autoRotate(): boolean { return this.hasAttribute('auto-rotate'); }
   set autoRotate(on: boolean) { this.toggleAttribute('auto-rotate', on); }
+  get cameraName(): string { return this.getAttribute('camera-name') ?? ''; }
+  set cameraName(name: string) { this.setAttribute('camera-name', name); }
+  get cameraMoved(): boolean { return this.stage?.moved ?? false; }
   get loaded(): boolean { return this.complete; }
   get model(): ViewerModel | null { return this.stage?.object ? modelOf(this.stage.object) : null; }
   get stats(): ViewerStats { return this.stage?.stats() ?? NO_STATS; }

@@ -1,33 +1,56 @@
 /** What lies under a point of the view: the texel, and its hemisphere as decoded. */
 
-import { type PerspectiveCamera, Raycaster, Vector2, Vector3 } from 'three';
-import type { Vec3 } from '../format/container.ts';
+import { type Intersection, type PerspectiveCamera, Raycaster, type Vector2, Vector3 } from 'three';
+import type { Vec3 } from '../format/bytes.ts';
+import { partOf } from '../format/scene.ts';
+import { type Cover, opacityAt } from '../field/cover.ts';
 import type { FieldSurface, LightField } from '../field/light-field.ts';
 import { EOTF, decodeRow } from '../field/decode.ts';
 import { toLocal } from '../field/frame.ts';
+import { frameAt } from '../field/geometry.ts';
 import { depthOfStep, directionCount } from '../field/grid.ts';
 import type { LightFieldObject } from '../gl/object.ts';
 import type { TexelSample } from './api.ts';
+
+/** Below it a surface is not picked but what lies behind it. */
+const LEAST_OPACITY = 1 / 16;
 
 /** The texel under a point in normalised device coordinates; null behind the scene and where no tile has arrived. */
 export function pick(object: LightFieldObject, camera: PerspectiveCamera, at: Vector2): TexelSample | null {
   const ray = new Raycaster();
   ray.setFromCamera(at, camera);
-  const hit = ray.intersectObject(object, true).find(({ object: mesh, face }) => mesh.userData.surface !== undefined && face);
-  if (!hit?.uv || hit.faceIndex == null) return null;
-  const surface = object.field.surfaces[hit.object.userData.surface as number];
+  const found = ray.intersectObject(object, true).map((hit) => hitOf(object.field, hit)).find((hit) => hit !== null);
+  if (!found) return null;
+  const { hit, surface, triangle, weights } = found;
   const local = object.worldToLocal(hit.point.clone());
   const toEye = object.worldToLocal(camera.getWorldPosition(new Vector3())).sub(local).normalize();
-  return sampleTexel(object.field, surface, hit.faceIndex, [hit.uv.x, hit.uv.y], [local.x, local.y, local.z], [toEye.x, toEye.y, toEye.z]);
+  return sampleTexel(object.field, surface, { triangle, weights }, local.toArray(), toEye.toArray());
 }
 
-/** The texel of a surface at `uv` on `triangle`, seen from the unit direction `toEye`. */
-export function sampleTexel(field: LightField, surface: FieldSurface, triangle: number, uv: [number, number], position: Vec3, toEye: Vec3): TexelSample | null {
-  const { width, height } = surface.plan;
-  const x = Math.min(width - 1, Math.max(0, Math.floor(uv[0] * width)));
-  const y = Math.min(height - 1, Math.max(0, Math.floor(uv[1] * height)));
+/** A point of a surface: a triangle, and the barycentric weights of its corners. */
+export interface SurfacePoint {
+  triangle: number;
+  weights: Vec3;
+}
+
+/** Where a ray meets a surface; null where it goes through a hole of a mask, or through next to nothing. */
+function hitOf(field: LightField, hit: Intersection): (SurfacePoint & { hit: Intersection; surface: FieldSurface }) | null {
+  const { surface: index, cover } = hit.object.userData as { surface?: number; cover?: Cover | null };
+  if (index === undefined || !hit.face || !hit.barycoord) return null;
+  const surface = field.surfaces[index];
+  const [triangle, weights] = [Math.floor(hit.face.a / 3), hit.barycoord.toArray()];
+  if (cover && surface.cover && opacityAt(field.container.scene, surface.cover, cover, triangle, weights) < LEAST_OPACITY) return null;
+  return { hit, surface, triangle, weights };
+}
+
+/** The texel of a surface at a point of it, seen from the unit direction `toEye`. */
+export function sampleTexel(field: LightField, surface: FieldSurface, { triangle, weights }: SurfacePoint, position: Vec3, toEye: Vec3): TexelSample | null {
+  const { width, height, uv } = surface.plan;
+  const at = (axis: number) => weights.reduce((sum, w, c) => sum + w * uv[triangle * 6 + c * 2 + axis], 0);
+  const x = Math.min(width - 1, Math.max(0, Math.floor(at(0) * width)));
+  const y = Math.min(height - 1, Math.max(0, Math.floor(at(1) * height)));
   const found = surface.source.texel(x, y);
-  const frame = surface.geometry.frames[triangle];
+  const frame = frameAt(surface.geometry, triangle, weights);
   if (!found || !frame) return null;
   const count = directionCount(field.grid);
   const bySteps = new Uint8Array(count * 3);
@@ -39,6 +62,7 @@ export function sampleTexel(field: LightField, surface: FieldSurface, triangle: 
   return {
     surface: surface.name,
     surfaceIndex: surface.index,
+    part: partOf(field.container.scene.surfaces[surface.index], triangle)?.name ?? surface.name,
     x,
     y,
     position,

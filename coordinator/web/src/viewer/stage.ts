@@ -14,6 +14,7 @@ import { parseSegments } from '../format/segment.ts';
 import { LightFieldObject } from '../gl/object.ts';
 import { Painter } from '../gl/painter.ts';
 import type { ErrorDetail, OrbitPosition, Scheme, TexelSample, ViewMode, ViewerStats } from './api.ts';
+import { cameraNames, viewOf } from './cameras.ts';
 import { ViewControls } from './controls.ts';
 import { Frames } from './frames.ts';
 import { pick } from './pick.ts';
@@ -35,6 +36,8 @@ export interface CameraGoals {
   target?: [number, number, number];
   /** Vertical, degrees. */
   fieldOfView?: number;
+  /** One of the author's cameras. */
+  name?: string;
 }
 
 /** How things are drawn; the element's attributes. */
@@ -170,20 +173,37 @@ export class Stage {
     this.home();
   }
 
-  /** The first view: what was asked of it, and for the rest what `field/camera.ts` chooses. */
+  /** The first view: what was asked of it, and for the rest the author's camera of that name, or what `field/camera.ts` chooses. */
   home(): void {
     if (!this.object) return;
     const { orbit, target, fieldOfView } = this.goals;
-    const chosen = defaultCamera(this.object.field.container, this.camera.aspect, fieldOfView);
+    const chosen = this.firstCamera(this.object.field, fieldOfView);
     const centre = target ?? chosen.target;
     const offset = sub(chosen.eye, chosen.target);
-    this.setCamera({ ...chosen, eye: [centre[0] + offset[0], centre[1] + offset[1], centre[2] + offset[2]], target: centre });
-    if (orbit) this.controls.position = orbit;
     this.placed = false;
+    this.put({ ...chosen, eye: [centre[0] + offset[0], centre[1] + offset[1], centre[2] + offset[2]], target: centre });
+    if (orbit) this.controls.position = orbit;
   }
 
-  setCamera({ eye, target, fieldOfView }: Camera): void {
+  private firstCamera({ container, bounds }: LightField, fieldOfView?: number): Camera {
+    const { cameras } = container.scene;
+    const named = cameras[cameraNames(cameras).indexOf(this.goals.name ?? '')];
+    if (!named) return defaultCamera(container, this.camera.aspect, fieldOfView);
+    const view = viewOf(named, bounds, this.camera.aspect);
+    return { ...view, fieldOfView: fieldOfView ?? view.fieldOfView };
+  }
+
+  /** Whether somebody chose the camera: a page, or a person who moved it. */
+  get moved(): boolean {
+    return this.placed;
+  }
+
+  setCamera(camera: Camera): void {
     this.placed = true;
+    this.put(camera);
+  }
+
+  private put({ eye, target, fieldOfView }: Camera): void {
     this.camera.fov = fieldOfView;
     this.camera.updateProjectionMatrix();
     this.controls.place(new Vector3(...eye), new Vector3(...target), this.sceneRadius());

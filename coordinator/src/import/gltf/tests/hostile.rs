@@ -69,6 +69,13 @@ fn survives(text: &[u8]) -> Result<(), TestCaseError> {
 }
 
 #[test]
+fn a_list_has_an_end() {
+    let text = format!("{{\"asset\": {{\"version\": \"2.0\"}}, \"nodes\": [{}{{}}]}}", "{},".repeat(1 << 20));
+    let errors = outcome(&[("a.gltf", text.as_bytes())], None).errors;
+    assert!(errors[0].contains("/nodes: the list has 1048577 entries; at most 1048576 are read"), "{errors:?}");
+}
+
+#[test]
 fn the_seed_is_a_scene() {
     let found = everything().import();
     assert_eq!(found.errors, [""; 0]);

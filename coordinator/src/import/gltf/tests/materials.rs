@@ -147,14 +147,25 @@ fn what_is_approximated_or_skipped_is_said() {
 
 #[test]
 fn specular_glossiness_keeps_its_reflectance() {
-    let json = json!({ "extensions": { "KHR_materials_pbrSpecularGlossiness": {
-        "diffuseFactor": [0.5, 0.25, 0, 1], "specularFactor": [0.25, 0.125, 0], "glossinessFactor": 0.75, "specularGlossinessTexture": { "index": 0 } } } });
-    let (m, said) = material(json);
-    assert!(said.iter().any(|w| w.contains("was converted")) && said.iter().any(|w| w.contains("glossiness in textures")), "{said:?}");
+    let json = |texture: bool| {
+        let mut extension = json!({ "diffuseFactor": [0.5, 0.25, 0, 1], "specularFactor": [0.25, 0.125, 0], "glossinessFactor": 0.75 });
+        if texture {
+            extension["specularGlossinessTexture"] = json!({ "index": 0 });
+        }
+        json!({ "extensions": { "KHR_materials_pbrSpecularGlossiness": extension } })
+    };
+    let (m, said) = material(json(false));
+    assert!(said.len() == 1 && said[0].contains("was converted to metallic-roughness"), "{said:?}");
     let p = pbr(&m);
     assert_eq!((p.base_color, p.metallic, p.roughness, p.specular_color), (Rgb::new(0.5, 0.25, 0.0), 0.0, 0.25, Rgb::new(1.0, 0.5, 0.0)));
     // (3 - 1)^2 / (3 + 1)^2 is a quarter.
-    assert!((p.ior - 3.0).abs() < 1e-5 && p.specular_color_texture.is_some());
+    assert!((p.ior - 3.0).abs() < 1e-5);
+    let scene = Sample::textured(json(true)).scene();
+    let p = pbr(&scene.materials[0]);
+    assert_eq!((p.roughness, p.specular_color_texture.map(|t| t.texture)), (1.0, Some(0)));
+    let rough = &scene.textures[p.metallic_roughness_texture.unwrap().texture as usize];
+    // Opaque on the left, a glossiness of 0.75; clear on the right, none.
+    assert_eq!((rough.coding, &rough.texels[..6]), (Coding::Linear, &[0, 64, 0, 0, 255, 0][..]));
 }
 
 #[test]

@@ -75,7 +75,7 @@ impl<const N: usize> Spline<'_, N> {
 
     /// The length of the way from value to value.
     fn way(&self) -> f64 {
-        let step = |w: &[[f32; N]]| (0..N).map(|i| (f64::from(w[1][i]) - f64::from(w[0][i]))).map(|d| d * d).sum::<f64>().sqrt();
+        let step = |w: &[[f32; N]]| (0..N).map(|i| f64::from(w[1][i]) - f64::from(w[0][i])).map(|d| d * d).sum::<f64>().sqrt();
         self.values.windows(2).map(step).sum()
     }
 

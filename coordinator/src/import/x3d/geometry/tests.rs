@@ -3,7 +3,7 @@
 use super::*;
 use crate::import::mesh::{
     Mesh, newell,
-    tests::{area, euler, volume},
+    tests::{area, euler, triangles, volume},
 };
 use glam::{DVec3, Vec3};
 use std::f64::consts::PI;

@@ -5,6 +5,7 @@ use crate::import::{
     BundlePath,
     bundle::Found,
     findings::At,
+    uri,
     x3d::{
         classic,
         document::{Inlined, Node, NodeId, Place, Set},
@@ -218,7 +219,7 @@ impl Resolver<'_> {
     /// The file of the bundle that an address means, as seen from the file of `place`.
     pub(super) fn find(&mut self, place: Place, address: &str, what: &str) -> Option<BundlePath> {
         let from = self.document.files[place.file as usize].clone();
-        let address = percent_decoded(address.trim());
+        let address = uri::decoded(address.trim());
         if address.is_empty() || address.starts_with("urn:") {
             return None;
         }
@@ -245,26 +246,6 @@ impl Resolver<'_> {
             }
         }
     }
-}
-
-/// `%20` and its kin; what is no such thing stays.
-fn percent_decoded(address: &str) -> String {
-    let mut bytes = Vec::with_capacity(address.len());
-    let mut rest = address.as_bytes();
-    while let [first, tail @ ..] = rest {
-        let code = (*first == b'%').then(|| tail.get(..2).and_then(|d| std::str::from_utf8(d).ok())).flatten();
-        match code.filter(|d| d.bytes().all(|b| b.is_ascii_hexdigit())).and_then(|d| u8::from_str_radix(d, 16).ok()) {
-            Some(byte) => {
-                bytes.push(byte);
-                rest = &tail[2..];
-            }
-            None => {
-                bytes.push(*first);
-                rest = tail;
-            }
-        }
-    }
-    String::from_utf8(bytes).unwrap_or_else(|_| address.to_owned())
 }
 
 fn line_of_replacement(text: &str) -> u32 {

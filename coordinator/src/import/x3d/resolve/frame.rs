@@ -16,7 +16,7 @@ pub(super) struct Connected {
     pub(super) fields: Vec<(NodeId, u16)>,
 }
 
-/// The fields of an instance by name.
+/// The ways into and out of an instance, by the name of the field.
 pub(super) type Connections = BTreeMap<Box<str>, Connected>;
 
 /// What a name stands for.
@@ -39,6 +39,9 @@ pub(super) struct Argument {
     pub(super) value: Option<Value>,
 }
 
+/// The fields of an instance by name.
+pub(super) type Arguments = BTreeMap<Box<str>, Argument>;
+
 /// One file, or one instance of a prototype, while its items are walked.
 #[derive(Debug)]
 pub(super) struct Frame {
@@ -51,7 +54,7 @@ pub(super) struct Frame {
     pub(super) scope: usize,
     pub(super) names: BTreeMap<Box<str>, Target>,
     /// The fields of the prototype; `None` in a file.
-    pub(super) arguments: Option<BTreeMap<Box<str>, Argument>>,
+    pub(super) arguments: Option<Arguments>,
     pub(super) connections: Connections,
     /// Routes to names that were not there yet.
     pub(super) late_routes: Vec<RouteItem>,

@@ -6,7 +6,7 @@ use super::{
 };
 use crate::import::x3d::{
     document::{NodeId, Place, Route},
-    limits::MAX_NODES,
+    limits::ROUTE_STEPS,
     literal::shown,
     syntax::RouteItem,
     table::Access,
@@ -48,9 +48,8 @@ impl Resolver<'_> {
     fn add_routes(&mut self, frame: &Frame, place: Place, from: &[(NodeId, u16)], to: &[(NodeId, u16)]) {
         for from in from {
             for to in to {
-                if self.document.routes.len() >= MAX_NODES {
-                    self.exhausted = true;
-                    return self.error(place, format!("the scene has more than {MAX_NODES} routes"));
+                if !self.steps(place, ROUTE_STEPS) {
+                    return;
                 }
                 let field = |(id, index): &(NodeId, u16)| &self.node_of(*id).kind.fields[usize::from(*index)];
                 let (sender, receiver) = (field(from), field(to));

@@ -78,6 +78,7 @@ fn values_that_cannot_be_read_are_located_errors() {
     json(r#"{"Box": {"@size": [1, 2]}}"#).failed("a:2: column 11: the field `size` of `Box` has 2 of the 3 values");
     classic("Shape { geometry 3 }").failed("a:2: column 18: the field `geometry` of `Shape` has a value where a node should be");
     classic("Box { size Group { } }").failed("a:2: column 12: the field `size` of `Box` is SFVec3f and cannot be a node");
+    classic("Group { children Box { } children Cone { } }").warned("a:2: column 35: the field `children` of this `Group` is given twice");
     classic("Box { size NULL }").warned("a:2: column 12: the field `size` of `Box` is SFVec3f and cannot be NULL");
     classic("Box { size 1 2 3 4 }").warned("a:2: column 18: the field `size` of `Box` has 4 values where SFVec3f has 3");
 }
@@ -173,6 +174,17 @@ A { } Mine { r 7 } Third { }";
     assert_eq!(kinds(document.roots()), ["Box", "Sphere", "Cone"]);
     assert_eq!(roots(&document)[1].float("radius"), 7.0);
     assert_eq!(document.file(roots(&document)[1].place()).as_str(), "lib/l.x3dv");
+}
+
+/// An address counts from the file that it is written in, which is not that of the node if an instance of a prototype says it.
+#[test]
+fn values_know_their_file() {
+    let library = "#X3D V3.0 utf8\nPROTO P [ field MFString u \"own.png\" ] { ImageTexture { url IS u } }";
+    let main = "#X3D V3.0 utf8\nEXTERNPROTO P [ ] \"lib/l\"\nP { u \"mine.png\" }\nP { }";
+    let document = outcome_of(&[("main", main.as_bytes()), ("lib/l", library.as_bytes())], None).clean();
+    let files: Vec<&str> = document.roots().map(|t| t.file_of("url").as_str()).collect();
+    assert_eq!(files, ["main", "lib/l"]);
+    assert_eq!(document.roots().map(|t| t.file_of("repeatS").as_str()).collect::<Vec<_>>(), ["lib/l"; 2]);
 }
 
 #[test]

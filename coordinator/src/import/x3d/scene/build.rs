@@ -7,7 +7,6 @@ use super::{
     material::{self, Sides},
     shadow::{Lights, Received, is_light},
     shape, space,
-    surface::{Look, Surfaces},
     texture::{Layer, Stack, Textures},
     view,
     walk::{Placed, World},
@@ -16,6 +15,7 @@ use crate::import::{
     Bundle, NO_LIGHT,
     findings::{At, Findings},
     mesh::Mesh,
+    surfaces::{Look, Surfaces},
     x3d::{Document, NodeId, NodeRef},
 };
 use kiln_proto::{
@@ -302,7 +302,10 @@ fn add(
         unlit_by,
         shadow_maps: formed.received.maps.clone(),
     };
-    surfaces.add(&formed.mesh, look, formed.placed.node.at(), findings);
+    let at = formed.placed.node.at();
+    if !surfaces.add(&formed.mesh, 0..formed.mesh.polygon_count(), look, |_| at, findings) {
+        findings.count(at, "shapes without any triangle left were dropped");
+    }
 }
 
 /// `--x3d-projectors light`: each light takes the first texture that is projected from it.

@@ -24,8 +24,6 @@ use kiln_proto::{
 const SHARPEST: f32 = 128.0;
 /// A lobe about the mirror direction is as wide as one of this many times its exponent about the half vector.
 const HALF_VECTOR: f32 = 4.0;
-/// Share of an image's transparent pixels that may be half transparent in an image meant to be cut out.
-const CUT_OUT: usize = 20;
 
 /// What a shape's material is made from.
 pub(super) struct Shape<'d, 'a> {
@@ -188,20 +186,12 @@ impl Maker<'_, '_, '_, '_> {
             ("OPAQUE", _) | (_, "NONE") => return Opacity::OPAQUE,
             ("MASK", _) | (_, "TEST") => mask,
             ("BLEND", _) | (_, "BLENDING") => AlphaMode::Blend,
-            _ if factor < 1.0 => AlphaMode::Blend,
-            _ => match &texture {
-                Some((image, ..)) if self.is_cut_out(*image) => mask,
-                Some(_) => AlphaMode::Blend,
-                None => return Opacity::OPAQUE,
-            },
+            _ => self.textures.images.alpha_mode(factor, texture.as_ref().map(|(image, ..)| *image), cutoff.max(0.0)),
         };
+        if mode == AlphaMode::Opaque {
+            return Opacity::OPAQUE;
+        }
         Opacity { mode, factor, texture: texture.map(|(_, t, _)| t) }
-    }
-
-    fn is_cut_out(&self, image: Image) -> bool {
-        let texture = &self.textures.images.textures[image.id as usize];
-        let alphas = || texture.texels.chunks_exact(4).map(|p| p[3]).filter(|a| *a < 255);
-        texture.has_alpha && alphas().filter(|a| (16..240).contains(a)).count() * CUT_OUT <= alphas().count()
     }
 }
 

@@ -18,7 +18,6 @@ mod material;
 mod shadow;
 mod shape;
 mod space;
-mod surface;
 mod texture;
 mod view;
 mod walk;

@@ -9,8 +9,10 @@ use crate::import::{
     bundle::Found,
     findings::{At, Findings},
     images::{Image, Images, Wanted},
+    uri,
     x3d::NodeRef,
 };
+use crate::records::Problem;
 use kiln_proto::{
     limits, math,
     scene::{Coding, LayerMode, Mapping, Texture, TextureRef, Wrap},
@@ -118,7 +120,11 @@ impl<'b> Textures<'b> {
             return None;
         }
         for url in urls {
-            match self.bundle.find(from, url) {
+            let url = url.trim();
+            if uri::is_data(url) {
+                return self.data(&url[5..], wanted, at, node, findings);
+            }
+            match self.bundle.find(from, &uri::decoded(url)).or_else(|| self.bundle.find(from, url)) {
                 Some(Found::Exact(path)) => return self.images.file(self.bundle, path, wanted, at, findings),
                 Some(Found::Near(path)) => {
                     findings.warn(at, format!("the image `{url}` is not in the bundle; `{path}` is used instead"));
@@ -130,6 +136,16 @@ impl<'b> Textures<'b> {
         let listed: Vec<&str> = urls.iter().map(AsRef::as_ref).take(5).collect();
         findings.error(at, format!("the image `{}` is not in the bundle; nothing is fetched from elsewhere", listed.join("`, `")));
         None
+    }
+
+    /// An image inside the file, told from others by its place.
+    fn data(&mut self, data: &str, wanted: Wanted, at: At<'_>, node: NodeRef<'_>, findings: &mut Findings) -> Option<Image> {
+        let place = node.place();
+        let name = format!("{}:{}:{}", node.file_of("url"), place.line, place.column);
+        self.images.bytes(&name, wanted, at, findings, || match uri::data(data) {
+            Ok(bytes) => Ok(bytes.into()),
+            Err(message) => Err(Problem { message, file: Some(node.file_of("url").to_string()), line: Some(place.line) }),
+        })
     }
 
     fn pixel_texture(&mut self, node: NodeRef<'_>, wanted: Wanted, findings: &mut Findings) -> Option<Image> {

@@ -29,8 +29,8 @@ PointLight in children : Light
   SFFloat    [in,out] radius 100
 SpotLight in children : Light
   SFVec3f    [in,out] attenuation 1 0 0
-  SFFloat angle [in,out] beamWidth 1.570796 since 3.3 0.785398
-  SFFloat angle [in,out] cutOffAngle 0.785398 since 3.3 1.570796
+  SFFloat angle [in,out] beamWidth 1.5707964 since 3.3 0.78539816
+  SFFloat angle [in,out] cutOffAngle 0.78539816 since 3.3 1.5707964
   SFVec3f    [in,out] direction 0 0 -1
   SFBool     [in,out] global TRUE
   SFVec3f    [in,out] location 0 0 0

@@ -21,7 +21,7 @@ abstract AnyViewpoint : Bindable
   SFFloat    [in,out] projectionNear 0
   SFFloat    [in,out] projectionFar 0
 Viewpoint in children : AnyViewpoint
-  SFFloat angle [in,out] fieldOfView 0.785398
+  SFFloat angle [in,out] fieldOfView 0.78539816
 OrthoViewpoint in children : AnyViewpoint
   MFFloat    [in,out] fieldOfView -1 -1 1 1
 ViewpointGroup in children : Child

@@ -1,4 +1,5 @@
 use super::*;
+use std::f32::consts::{FRAC_PI_2, FRAC_PI_4};
 
 #[test]
 fn every_line_of_the_table_is_read() {
@@ -48,8 +49,8 @@ fn names_aliases_and_events_lead_to_fields() {
     assert_eq!(switch.field("choice"), switch.field("children"));
     let spot = lookup("SpotLight").unwrap();
     let cut_off = spot.field("cutOffAngle").unwrap().1;
-    assert_eq!(cut_off.default, Value::Floats([0.785_398].into()));
-    assert_eq!(cut_off.since, Some((33, Value::Floats([1.570_796].into()))));
+    assert_eq!(cut_off.default, Value::Floats([FRAC_PI_4].into()));
+    assert_eq!(cut_off.since, Some((33, Value::Floats([FRAC_PI_2].into()))));
     assert!(cut_off.angle && lookup("Script").unwrap().skipped && lookup("Teapot").is_none());
 }
 

@@ -1,10 +1,18 @@
 //! The local frame of a texel: which way "x" and "y" point on a surface, so that baker, decoder and shader agree on every direction.
 //!
-//! A flat chart has one frame: N the polygon's normal, T = dP/du made orthogonal to N, B = N x T. Where texture coordinates are degenerate,
-//! and everywhere when `--frame thesis` is asked for, the frame is the rotation that carries +Y to N (thesis 5.1.2).
+//! A flat chart has one frame: N the polygon's normal, T = dP/du made orthogonal to N, B = N x T. On a smooth surface both are interpolated
+//! ([`SurfaceFrames`]). Where texture coordinates are degenerate, and everywhere when `--frame thesis` is asked for, the frame is the rotation
+//! that carries +Y to N (thesis 5.1.2).
+
+mod surface;
+
+pub use surface::{SurfaceFrames, corner_normals};
 
 use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
+
+/// Length that an interpolated tangent must have left beside the normal; below it, rounding would decide where it points.
+const LEAST_TANGENT: f64 = 1e-4;
 
 /// An orthonormal, right-handed frame in world space.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -52,6 +60,15 @@ impl Frame {
             return Some(Self::thesis(normal));
         }
         Some(Self::from_axes(tangent / size, normal))
+    }
+
+    /// The frame of a unit normal whose x axis is `tangent` (of about unit length) made orthogonal to it, or the thesis's where nothing is left
+    /// of the tangent.
+    #[must_use]
+    pub fn oriented(normal: DVec3, tangent: DVec3) -> Self {
+        let across = tangent - normal * normal.dot(tangent);
+        let size = across.length();
+        if size >= LEAST_TANGENT { Self::from_axes(across / size, normal) } else { Self::thesis(normal) }
     }
 
     /// The rotation about Y x N that carries (0, 1, 0) to `normal`; for N = -Y, 180 degrees about X. The tangent is the image of +X.

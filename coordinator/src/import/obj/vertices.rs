@@ -1,0 +1,150 @@
+//! The lists of an OBJ text that its faces refer to: positions with colours, texture coordinates, normals.
+//!
+//! Colours are what tools put behind the position (`v x y z r g b`): the format has none, but MeshLab, ZBrush and Blender agree. They are coded
+//! for the eye (sRGB), as these tools paint and write them; Blender turns its linear colours into sRGB to export them. Tools that count from
+//! 0 to 255 give themselves away by a number above 1.
+
+use crate::import::findings::{At, Findings};
+use kiln_proto::math;
+
+/// What is read into lists, in the order of the operands of a face's corner.
+pub(super) const KINDS: [&str; 3] = ["vertex", "texture coordinate", "normal"];
+
+/// Numbers of one statement that are looked at.
+const MOST: usize = 8;
+
+/// Stands for the colour of a vertex that has none until all are read: above any white.
+const UNCOLOURED: [f32; 3] = [f32::INFINITY; 3];
+
+/// The lists so far.
+#[derive(Debug, Default)]
+pub(super) struct Vertices {
+    /// Metres.
+    pub(super) positions: Vec<[f32; 3]>,
+    /// Colours of positions: as they are written until [`Vertices::finish`], then linear. Empty where all are white.
+    pub(super) colours: Vec<[f32; 3]>,
+    /// V up.
+    pub(super) uvs: Vec<[f32; 2]>,
+    /// Of any length.
+    pub(super) normals: Vec<[f32; 3]>,
+    /// The line of the first colour and how many there are.
+    coloured: Option<(u32, usize)>,
+}
+
+impl Vertices {
+    /// How many there are of each of [`KINDS`].
+    pub(super) fn counts(&self) -> [i64; 3] {
+        [self.positions.len(), self.uvs.len(), self.normals.len()].map(|n| n as i64)
+    }
+
+    /// Reads `v`, `vt` or `vn`. A statement that is wrong takes its place in the list all the same, so that indices stay right.
+    pub(super) fn statement(&mut self, word: &str, at: At<'_>, line: u32, rest: &str, findings: &mut Findings) {
+        match word {
+            "v" => self.position(at, line, rest, findings),
+            "vt" => self.uvs.push(padded(&numbers(at, rest, KINDS[1], 1, findings))),
+            _ => self.normals.push(padded(&numbers(at, rest, KINDS[2], 3, findings))),
+        }
+    }
+
+    /// `v x y z`, `v x y z w` or `v x y z r g b`.
+    fn position(&mut self, at: At<'_>, line: u32, rest: &str, findings: &mut Findings) {
+        let values = numbers(at, rest, KINDS[0], 3, findings);
+        if let [_, _, _, r, g, b, more @ ..] = values.as_slice() {
+            if !more.is_empty() {
+                findings.warn_once(at, "more", "numbers behind the colour of `v` were ignored");
+            }
+            self.colours.resize(self.positions.len(), UNCOLOURED);
+            self.colours.push([*r, *g, *b]);
+            self.coloured.get_or_insert((line, 0)).1 += 1;
+        } else if values.get(3).is_some_and(|w| *w != 1.0) {
+            findings.warn_once(at, "weight", "vertex weights (a fourth number behind `v`) were ignored");
+        }
+        self.positions.push(padded(&values));
+    }
+
+    /// Makes the colours linear, once all are read.
+    pub(super) fn finish(&mut self, file: &str, findings: &mut Findings) {
+        let Some((line, count)) = self.coloured else { return };
+        let at = At::line(file, line);
+        if count < self.positions.len() {
+            findings
+                .warn(at, format!("{} of {} vertices have no colour; they are white", self.positions.len() - count, self.positions.len()));
+        }
+        self.colours.resize(self.positions.len(), UNCOLOURED);
+        let most = self.colours.iter().flatten().filter(|c| c.is_finite()).fold(0.0, |most: f32, c| most.max(*c));
+        let unit = if most > 1.0 { 255.0 } else { 1.0 };
+        if most > 1.0 {
+            findings.warn(at, "vertex colours exceed 1, so they are taken to count from 0 to 255");
+        }
+        if most > unit || self.colours.iter().flatten().any(|c| *c < 0.0) {
+            findings.warn(at, "vertex colours outside their range were clamped");
+        }
+        self.colours.iter_mut().flatten().for_each(|c| *c = math::srgb_eotf((*c / unit).clamp(0.0, 1.0)));
+        if self.colours.iter().flatten().all(|c| *c == 1.0) {
+            self.colours = vec![];
+        }
+    }
+}
+
+fn padded<const N: usize>(values: &[f32]) -> [f32; N] {
+    std::array::from_fn(|i| values.get(i).copied().unwrap_or(0.0))
+}
+
+/// The operands, all of them finite numbers in 32 bits, at least `least`; none after an error.
+fn numbers(at: At<'_>, rest: &str, what: &str, least: usize, findings: &mut Findings) -> Vec<f32> {
+    let mut values = Vec::with_capacity(MOST);
+    for word in rest.split_whitespace().take(MOST) {
+        let shown = || word.chars().take(40).collect::<String>();
+        match word.parse::<f32>() {
+            // Adding zero turns -0.0 into 0.0.
+            Ok(value) if value.is_finite() => values.push(value + 0.0),
+            Ok(_) => {
+                findings.error(at, format!("the {what} has the value `{}`, which is not finite in 32 bits", shown()));
+                return vec![];
+            }
+            Err(_) => {
+                findings.error(at, format!("the {what} has `{}` where a number should be", shown()));
+                return vec![];
+            }
+        }
+    }
+    if values.len() < least {
+        findings.error(at, format!("the {what} has {} numbers; at least {least} are needed", values.len()));
+        return vec![];
+    }
+    values
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(lines: &[&str]) -> (Vertices, Vec<String>) {
+        let (mut vertices, mut findings) = (Vertices::default(), Findings::default());
+        for (i, rest) in lines.iter().enumerate() {
+            let line = i as u32 + 1;
+            vertices.statement("v", At::line("a", line), line, rest, &mut findings);
+        }
+        vertices.finish("a", &mut findings);
+        assert!(!findings.has_errors());
+        (vertices, findings.into_warnings().iter().map(ToString::to_string).collect())
+    }
+
+    #[test]
+    fn colours_are_srgb_in_ones_or_in_bytes() {
+        let (ones, said) = read(&["0 0 0 1 0.5 0", "0 0 1 1 1 1"]);
+        assert_eq!((ones.colours[0], said.len()), ([1.0, math::srgb_eotf(0.5), 0.0], 0));
+        let (bytes, said) = read(&["0 0 0", "0 0 0 255 51 -3", "0 0 1 300 1 255 128"]);
+        assert_eq!(bytes.colours, [[1.0; 3], [1.0, math::srgb_eotf(0.2), 0.0], [1.0, math::srgb_eotf(1.0 / 255.0), 1.0]]);
+        assert_eq!(said.len(), 4, "{said:?}");
+        assert!(said[0].starts_with("a:3: numbers behind the colour") && said[1].starts_with("a:2: 1 of 3 vertices"), "{said:?}");
+        assert!(read(&["0 0 0 1 1 1", "1 0 0"]).0.colours.is_empty(), "white changes nothing");
+    }
+
+    #[test]
+    fn weights_are_no_colours() {
+        let (vertices, said) = read(&["1 2 3 1", "1 2 3 0.5"]);
+        assert_eq!((vertices.positions, vertices.colours.len()), (vec![[1.0, 2.0, 3.0]; 2], 0));
+        assert!(said.len() == 1 && said[0].starts_with("a:2: vertex weights"), "{said:?}");
+    }
+}

@@ -1,0 +1,129 @@
+/**
+ * The materials of a scene (docs/formats.md). Their light is baked; what the viewer needs is what is not in it: how much of what lies behind
+ * shows through, and colours for the draft of a job that has only begun. Everything else is read over.
+ */
+
+import type { ByteReader, Vec3 } from './bytes.ts';
+
+const WRAPS = ['repeat', 'mirror', 'clamp'] as const;
+const MODES = ['modulate', 'replace', 'add', 'add-signed', 'subtract', 'blend'] as const;
+
+/** What lies beyond the unit square of a texture. */
+export type Wrap = (typeof WRAPS)[number];
+
+/** A texture as a material uses it. */
+export interface TextureRef {
+  /** Index into the scene's textures. */
+  texture: number;
+  /** Where its coordinates come from: a set of the surface, or the world position through a projector. */
+  mapping: { from: 'uv' | 'projector'; index: number };
+  /** Rows of an affine map of the coordinates: u' = m[0] u + m[1] v + m[2], v' = m[3] u + m[4] v + m[5]. */
+  transform: number[];
+  /** Along u and v. */
+  wrap: [Wrap, Wrap];
+  nearest: boolean;
+}
+
+/** One texture of a stack: how its colour t and alpha a change the colour c so far. */
+export interface TextureLayer {
+  texture: TextureRef;
+  mode: (typeof MODES)[number];
+  /** Of mode `modulate`: c t s. */
+  scale: number;
+}
+
+/** Light that goes straight through a thin wall: KHR_materials_transmission. */
+export interface Transmission {
+  factor: number;
+  texture: TextureRef | null;
+  metallic: number;
+  roughness: number;
+  /** Reflectance at normal incidence. */
+  fresnel: number;
+}
+
+export interface Opacity {
+  mode: 'opaque' | 'mask' | 'blend';
+  /** Of mode `mask`. */
+  cutoff: number;
+  factor: number;
+  /** Its alpha channel multiplies the factor. */
+  texture: TextureRef | null;
+}
+
+export interface Material {
+  name: string;
+  /** Kd or base colour, before its layers; black where nothing is reflected. */
+  colour: Vec3;
+  layers: TextureLayer[];
+  /** Radiance, W/(sr m²), before its texture. */
+  emission: Vec3;
+  emissionTexture: TextureRef | null;
+  opacity: Opacity;
+  /** null for materials that let nothing through by themselves. */
+  transmission: Transmission | null;
+}
+
+type Reflection = Pick<Material, 'colour' | 'layers' | 'transmission'>;
+
+export function readMaterial(r: ByteReader): Material {
+  const name = r.text('material name');
+  const read = r.variant([readUnlit, readPhong, readMetallicRoughness], 'reflection');
+  const reflection = read(r);
+  const emission = r.vec3('emission');
+  const emissionTexture = readTextureOption(r);
+  const mode = r.variant(['opaque', 'mask', 'blend'] as const, 'opacity');
+  const cutoff = mode === 'mask' ? r.f32('cutoff') : 0;
+  const opacity = { mode, cutoff, factor: r.f32('opacity'), texture: readTextureOption(r) };
+  r.option(() => {
+    readTextureRef(r);
+    r.f32('normal scale');
+  }, 'normal map');
+  return { name, ...reflection, emission, emissionTexture, opacity };
+}
+
+const readUnlit = (): Reflection => ({ colour: [0, 0, 0], layers: [], transmission: null });
+
+function readPhong(r: ByteReader): Reflection {
+  const colour = r.vec3('diffuse');
+  const layers = readLayers(r);
+  r.vec3('specular');
+  readTextureOption(r);
+  if (r.variant(['phong', 'mirror'] as const, 'lobe') === 'phong') r.f32('exponent');
+  r.f32('ambient');
+  return { colour, layers, transmission: null };
+}
+
+function readMetallicRoughness(r: ByteReader): Reflection {
+  const colour = r.vec3('base colour');
+  const layers = readLayers(r);
+  const [metallic, roughness] = [r.f32('metallic'), r.f32('roughness')];
+  readTextureOption(r);
+  const [ior, specular] = [r.f32('ior'), r.f32('specular')];
+  readTextureOption(r);
+  const tint = r.vec3('specular colour');
+  readTextureOption(r);
+  const factor = r.f32('transmission');
+  const texture = readTextureOption(r);
+  const fresnel = Math.min(1, ((ior - 1) / (ior + 1)) ** 2 * mean(tint)) * specular;
+  return { colour, layers, transmission: factor > 0 ? { factor, texture, metallic, roughness, fresnel } : null };
+}
+
+const mean = ([a, b, c]: Vec3): number => (a + b + c) / 3;
+
+const readLayers = (r: ByteReader): TextureLayer[] =>
+  r.list(30, 'texture layers', () => {
+    const texture = readTextureRef(r);
+    const mode = r.variant(MODES, 'layer mode');
+    return { texture, mode, scale: mode === 'modulate' ? r.f32('layer scale') : 1 };
+  });
+
+export const readTextureOption = (r: ByteReader): TextureRef | null => r.option(() => readTextureRef(r), 'texture');
+
+function readTextureRef(r: ByteReader): TextureRef {
+  const texture = r.varint('texture');
+  const mapping = { from: r.variant(['uv', 'projector'] as const, 'mapping'), index: r.varint('mapping') };
+  const transform = [...r.floats(6, 'texture transform')];
+  const wrap: [Wrap, Wrap] = [r.variant(WRAPS, 'wrap'), r.variant(WRAPS, 'wrap')];
+  return { texture, mapping, transform, wrap, nearest: r.bool('nearest') };
+}

@@ -1,0 +1,174 @@
+//! Materials at a point: textures, vertex colours and factors become a few numbers.
+
+use super::{BakeScene, Prim};
+use crate::bsdf::{
+    Bsdf, Specular,
+    coat::{Coat, alpha_of, fifth},
+    power::Exponent,
+};
+use glam::Vec3;
+use kiln_proto::{
+    scene::{Lobe, Mapping, Material, MetallicRoughness, NormalMap, Phong, Place, Reflection, Scene, energy_scale},
+    units::Rgb,
+};
+
+/// The least share of a mapped normal that points along the surface's own: what a map turns further would look at the inside.
+const LEAST_HEIGHT: f32 = 0.02;
+
+impl BakeScene {
+    /// A point of a primitive as textures see it.
+    #[must_use]
+    #[inline]
+    pub fn place(&self, prim: u32, bary: [f32; 2]) -> Place {
+        let p = self.prim(prim);
+        Place { surface: p.surface, triangle: prim - self.first[p.surface as usize], bary, position: p.at(bary).to_array() }
+    }
+
+    /// What leaves the front of a primitive by itself, W/(sr m²), whatever its opacity.
+    #[inline]
+    pub fn emission(&self, prim: u32, bary: [f32; 2]) -> Rgb {
+        let material = self.material_of(prim);
+        match material.emission_texture {
+            Some(t) if material.is_emissive() => match self.scene.texture_at(&t, &self.place(prim, bary)) {
+                Some([r, g, b, _]) => material.emission * Rgb::new(r, g, b),
+                None => material.emission,
+            },
+            _ => material.emission,
+        }
+    }
+
+    /// How a primitive reflects at a point.
+    #[inline]
+    pub fn bsdf(&self, prim: u32, bary: [f32; 2]) -> Bsdf {
+        let p = self.prim(prim);
+        match self.constant[p.material as usize] {
+            Some(bsdf) if !p.is_colored => bsdf,
+            _ => evaluate(&self.scene, self.material_of(prim), &self.place(prim, bary)),
+        }
+    }
+
+    /// What a smooth-faced, transmissive primitive lets straight on toward a direction of this cosine: black for most materials.
+    pub(super) fn clear(&self, prim: u32, bary: [f32; 2], cos: f32) -> Rgb {
+        match &self.material_of(prim).reflection {
+            Reflection::MetallicRoughness(m) if m.transmission > 0.0 => {
+                let (coat, parts) = layered_coat(&self.scene, m, &self.place(prim, bary));
+                if coat.alpha > 0.0 { Rgb::BLACK } else { parts.through * coat.base_share(fifth(cos)) }
+            }
+            _ => Rgb::BLACK,
+        }
+    }
+
+    /// The normal that reflection sees at a point, in world space, for a surface normal `normal`; the same where there is no map.
+    ///
+    /// The tangent is dP/du of the map's own coordinates, the bitangent's side follows from their handedness, as MikkTSpace has it for a triangle
+    /// by itself.
+    #[inline]
+    pub(super) fn mapped_normal(&self, prim: u32, bary: [f32; 2], normal: Vec3) -> Vec3 {
+        match self.material_of(prim).normal_map {
+            Some(map) => self.tilt(&map, prim, bary, normal).unwrap_or(normal),
+            None => normal,
+        }
+    }
+
+    fn tilt(&self, map: &NormalMap, prim: u32, bary: [f32; 2], normal: Vec3) -> Option<Vec3> {
+        let (p, place) = (self.prim(prim), self.place(prim, bary));
+        let (tangent, bitangent) = self.tangents(map, p, &place, normal)?;
+        let [x, y, z, _] = self.scene.texture_at(&map.texture, &place)?.map(|v| 2.0 * v - 1.0);
+        // The back of a sheet has the front's normals, reversed; its own coordinates mirror only the third axis.
+        let side = if p.is_back { -map.scale } else { map.scale };
+        let local = Vec3::new(x * side, y * side, z.max(LEAST_HEIGHT)).normalize_or(Vec3::Z);
+        let local = local.with_z(local.z.max(LEAST_HEIGHT));
+        (tangent * local.x + bitangent * local.y + normal * local.z).try_normalize()
+    }
+
+    fn tangents(&self, map: &NormalMap, p: &Prim, place: &Place, normal: Vec3) -> Option<(Vec3, Vec3)> {
+        let Mapping::Uv { set } = map.texture.mapping else { return None };
+        let corners = self.scene.surfaces[p.surface as usize].uv(set as usize, place.triangle as usize)?;
+        let moved = corners.map(|[u, v]| map.texture.transform.map(|row| row[0] * u + row[1] * v + row[2]));
+        let (e1, e2) = (p.corners[1] - p.corners[0], p.corners[2] - p.corners[0]);
+        let (du1, dv1) = (moved[1][0] - moved[0][0], moved[1][1] - moved[0][1]);
+        let (du2, dv2) = (moved[2][0] - moved[0][0], moved[2][1] - moved[0][1]);
+        let handed = (du1 * dv2 - du2 * dv1).signum();
+        let along = (e1 * dv2 - e2 * dv1) * handed;
+        let tangent = (along - normal * normal.dot(along)).try_normalize()?;
+        Some((tangent, normal.cross(tangent) * handed))
+    }
+}
+
+/// A material whose reflection is the same everywhere but for vertex colours.
+pub(super) fn constant(scene: &Scene, material: &Material) -> Option<Bsdf> {
+    let textures = match &material.reflection {
+        Reflection::None => 0,
+        Reflection::Phong(p) => p.layers.len() + usize::from(p.specular_texture.is_some()),
+        Reflection::MetallicRoughness(m) => {
+            let single = [m.metallic_roughness_texture, m.specular_texture, m.specular_color_texture, m.transmission_texture];
+            m.layers.len() + single.iter().flatten().count()
+        }
+    };
+    // No surface has this number, so that vertex colours are ones.
+    let nowhere = Place { surface: u32::MAX, triangle: 0, bary: [0.0; 2], position: [0.0; 3] };
+    (textures == 0).then(|| evaluate(scene, material, &nowhere))
+}
+
+fn evaluate(scene: &Scene, material: &Material, place: &Place) -> Bsdf {
+    match &material.reflection {
+        Reflection::None => Bsdf::BLACK,
+        Reflection::Phong(p) => phong(scene, p, place),
+        Reflection::MetallicRoughness(m) => {
+            let (coat, parts) = layered_coat(scene, m, place);
+            let through = if coat.alpha > 0.0 { parts.through } else { Rgb::BLACK };
+            Bsdf { diffuse: parts.diffuse, specular: Specular::Coat(Coat { through, ..coat }) }
+        }
+    }
+}
+
+fn phong(scene: &Scene, p: &Phong, place: &Place) -> Bsdf {
+    let mut diffuse = scene.layered(p.diffuse, &p.layers, place);
+    let mut ks = match p.specular_texture.and_then(|t| scene.texture_at(&t, place)) {
+        Some([r, g, b, _]) => p.specular * Rgb::new(r, g, b),
+        None => p.specular,
+    };
+    // Factors were scaled to one at import, but layers may add to the diffuse part.
+    if !p.layers.is_empty() {
+        let scale = energy_scale(diffuse, ks);
+        (diffuse, ks) = (diffuse * scale, ks * scale);
+    }
+    let specular = match p.lobe {
+        _ if p.specular.max_channel() <= 0.0 => Specular::None,
+        Lobe::Phong { exponent } => Specular::Phong { ks, exponent: Exponent::new(exponent) },
+        Lobe::Mirror => Specular::Mirror { ks },
+    };
+    Bsdf { diffuse, specular }
+}
+
+/// What lies under a coat.
+struct Base {
+    diffuse: Rgb,
+    /// Transmittance, also of a perfectly smooth coat.
+    through: Rgb,
+}
+
+/// The parameters of appendix B at a place, as the few numbers that its formulas come down to.
+fn layered_coat(scene: &Scene, m: &MetallicRoughness, place: &Place) -> (Coat, Base) {
+    let texel = |t: &Option<_>| t.as_ref().and_then(|t| scene.texture_at(t, place)).unwrap_or([1.0; 4]);
+    let base = scene.layered(m.base_color, &m.layers, place);
+    let [_, green, blue, _] = texel(&m.metallic_roughness_texture);
+    let (metallic, alpha) = (m.metallic * blue, alpha_of(m.roughness * green));
+    let weight = m.specular * texel(&m.specular_texture)[3];
+    let [r, g, b, _] = texel(&m.specular_color_texture);
+    let transmission = m.transmission * texel(&m.transmission_texture)[0];
+    let ratio = (m.ior - 1.0) / (m.ior + 1.0);
+    let f0 = m.specular_color * Rgb::new(r, g, b) * (ratio * ratio);
+    let f0 = Rgb::from(f0.to_array().map(|v| v.min(1.0)));
+    let dielectric = 1.0 - metallic;
+    let missing = |c: Rgb| Rgb::WHITE + c * -1.0;
+    let coat = Coat {
+        alpha,
+        normal: base * metallic + f0 * (weight * dielectric),
+        rise: missing(base) * metallic + missing(f0) * (weight * dielectric),
+        kept: 1.0 - weight * f0.max_channel(),
+        lost: weight * (1.0 - f0.max_channel()),
+        through: base * (dielectric * transmission),
+    };
+    (coat, Base { diffuse: base * (dielectric * (1.0 - transmission)), through: coat.through })
+}
