@@ -5,7 +5,8 @@
 //! twice.
 
 use crate::import::{Bundle, Content, Part, X3dEncoding, import_bundle, rewrite_x3d};
-use image::{ImageFormat, ImageReader};
+use exr::meta::MetaData;
+use image::{ImageDecoder as _, ImageFormat, ImageReader, codecs::hdr::HdrDecoder};
 use kiln_proto::{
     format::{Header, Kind, container, header, manifest::Manifest, surface::SurfaceFiles},
     options::ImportOptions,
@@ -40,7 +41,7 @@ const fn pictured(name: &'static str, run: fn(&[u8])) -> Target {
 }
 
 /// All of them.
-pub const TARGETS: [Target; 19] = [
+pub const TARGETS: [Target; 21] = [
     target("obj", |bytes| import("s.obj", bytes)),
     target("mtl", mtl),
     pictured("gltf", |bytes| import("s.gltf", bytes)),
@@ -52,6 +53,8 @@ pub const TARGETS: [Target; 19] = [
     target("x3d_rewrite", rewrite),
     target("zip", zip),
     Target { name: "image", run: crate::import::fuzz_image, images: |bytes| declared_images(bytes).max(declared_tga(bytes)) },
+    Target { name: "hdr", run: |bytes| environment("e.hdr", bytes), images: declared_hdr },
+    Target { name: "exr", run: |bytes| environment("e.exr", bytes), images: declared_exr },
     target("frame", frames),
     target("segment", segment),
     target("scene", |bytes| drop(Scene::from_bytes(bytes))),
@@ -82,6 +85,22 @@ fn declared_images(bytes: &[u8]) -> u64 {
 /// What the bytes declare if they are a TGA, which no magic number tells.
 fn declared_tga(bytes: &[u8]) -> u64 {
     ImageReader::with_format(Cursor::new(bytes), ImageFormat::Tga).into_dimensions().map_or(0, pixels)
+}
+
+/// Two pictures of three floats each: what is decoded, and what is made of it.
+fn declared_hdr(bytes: &[u8]) -> u64 {
+    let size = HdrDecoder::new_nonstrict(Cursor::new(bytes)).map(|decoder| decoder.dimensions());
+    size.map_or(0, |size| pixels(size).saturating_mul(2))
+}
+
+/// The same for every layer of the file, and its own samples.
+fn declared_exr(bytes: &[u8]) -> u64 {
+    let Ok(meta) = MetaData::read_from_buffered(Cursor::new(bytes), false) else { return 0 };
+    let layer = |header: &exr::meta::header::Header| {
+        let size = pixels((header.layer_size.width() as u32, header.layer_size.height() as u32));
+        size.saturating_mul(2 + header.channels.list.len() as u64)
+    };
+    meta.headers.iter().map(layer).fold(0, u64::saturating_add)
 }
 
 fn pixels((width, height): (u32, u32)) -> u64 {
@@ -115,6 +134,14 @@ fn mtl(bytes: &[u8]) {
     let scene = b"mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nusemtl m\nf 1/1 2/2 3/3\nusemtl n\nf 1/1 2/2 3/3\n";
     if let Some(bundle) = bundle(vec![("s.obj", scene), ("m.mtl", bytes)], "s.obj") {
         drop(import_bundle(&bundle, &ImportOptions::default()));
+    }
+}
+
+/// A triangle under a sky.
+fn environment(name: &str, bytes: &[u8]) {
+    let options = ImportOptions { environment: Some(name.to_owned()), ..ImportOptions::default() };
+    if let Some(bundle) = bundle(vec![("s.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"), (name, bytes)], "s.obj") {
+        drop(import_bundle(&bundle, &options));
     }
 }
 
