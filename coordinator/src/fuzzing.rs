@@ -18,7 +18,7 @@ use kiln_proto::{
         message::{ChunkTrailer, ChunkVerdict, Finish, Heartbeat, HeartbeatReply, Hello, LeaseGrant, LeaseRequest, Refusal, Welcome},
     },
 };
-use std::{io::Cursor, ops::Range, path::Path};
+use std::{io::Cursor, path::Path};
 
 /// One parser.
 #[derive(Debug, Clone, Copy)]
@@ -59,7 +59,7 @@ pub const TARGETS: [Target; 21] = [
     target("segment", segment),
     target("scene", |bytes| drop(Scene::from_bytes(bytes))),
     target("plan", |bytes| drop(Plan::from_bytes(bytes))),
-    target("container", |bytes| with_sum(bytes, 24, &[32..usize::MAX], |bytes| drop(container::parse(bytes)))),
+    target("container", |bytes| with_sum(bytes, 24, &[(32, usize::MAX)], |bytes| drop(container::parse(bytes)))),
     target("header", headers),
     target("surface", surface),
     target("manifest", |bytes| drop(Manifest::from_bytes(bytes))),
@@ -169,7 +169,7 @@ fn frames(bytes: &[u8]) {
         whole[8..12].copy_from_slice(&(length as u32).to_le_bytes());
     }
     for bytes in [bytes, &whole] {
-        with_sum(bytes, 16, &[frame::HEADER_BYTES..usize::MAX], |bytes| {
+        with_sum(bytes, 16, &[(frame::HEADER_BYTES, usize::MAX)], |bytes| {
             drop((
                 from_frame::<Hello>(bytes),
                 from_frame::<Welcome>(bytes),
@@ -183,17 +183,17 @@ fn frames(bytes: &[u8]) {
 }
 
 fn segment(bytes: &[u8]) {
-    with_sum(bytes, 36, &[0..36, 40..usize::MAX], |bytes| {
+    with_sum(bytes, 36, &[(0, 36), (40, usize::MAX)], |bytes| {
         drop(Segment::from_bytes(bytes));
         drop(without_raw(bytes.to_vec()));
     });
 }
 
 /// Runs on the bytes as they are, and again with the CRC32C of some ranges where it belongs: four bytes at `at`.
-fn with_sum(bytes: &[u8], at: usize, ranges: &[Range<usize>], run: impl Fn(&[u8])) {
+fn with_sum(bytes: &[u8], at: usize, ranges: &[(usize, usize)], run: impl Fn(&[u8])) {
     run(bytes);
     let mut mended = bytes.to_vec();
-    let sum = ranges.iter().fold(0, |sum, r| crc32c::crc32c_append(sum, mended.get(r.start..r.end.min(mended.len())).unwrap_or_default()));
+    let sum = ranges.iter().fold(0, |sum, r| crc32c::crc32c_append(sum, mended.get(r.0..r.1.min(mended.len())).unwrap_or_default()));
     if let Some(place) = mended.get_mut(at..at + 4) {
         place.copy_from_slice(&sum.to_le_bytes());
         run(&mended);

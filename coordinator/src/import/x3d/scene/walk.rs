@@ -96,7 +96,7 @@ impl<'d> Walk<'d, '_> {
             "EnvironmentLight" => self.findings.count(node.at(), "EnvironmentLight nodes were skipped: give an environment map instead"),
             "Viewpoint" | "OrthoViewpoint" => world.viewpoints.push(placed()),
             "NavigationInfo" | "KambiNavigationInfo" | "Background" | "TextureBackground" | "Fog" | "LocalFog" => {
-                world.bindables.push(node)
+                world.bindables.push(node);
             }
             _ => return self.descend(node, place),
         }
