@@ -28,7 +28,7 @@ pub(crate) struct Args {
     #[arg(short, long, value_name = "FILE")]
     pub(crate) output: PathBuf,
     /// A camera of the scene, by its name, in the place of --eye, --target and --fov; `kiln inspect` lists them.
-    #[arg(long, value_name = "NAME", conflicts_with_all = ["eye", "target", "fov"])]
+    #[arg(long, value_name = "NAME", conflicts_with_all = ["eye", "target", "up", "fov"])]
     pub(crate) camera: Option<String>,
     /// Where the eye is, x,y,z in metres.
     #[arg(long, value_name = "X,Y,Z", value_parser = view::point, allow_hyphen_values = true)]
@@ -36,6 +36,9 @@ pub(crate) struct Args {
     /// What it looks at, x,y,z in metres.
     #[arg(long, value_name = "X,Y,Z", value_parser = view::point, allow_hyphen_values = true)]
     pub(crate) target: Option<Vec3>,
+    /// What points up in the picture, x,y,z; +Y unless it is given.
+    #[arg(long, value_name = "X,Y,Z", value_parser = view::point, allow_hyphen_values = true)]
+    pub(crate) up: Option<Vec3>,
     /// Vertical field of view, degrees.
     #[arg(long, value_name = "DEGREES", value_parser = view::number, default_value_t = DEFAULT_FOV, allow_hyphen_values = true)]
     pub(crate) fov: f32,
@@ -67,8 +70,8 @@ pub(crate) fn run(args: &Args, json: bool, out: &mut dyn Write) -> Result<(), To
     if args.from == Origin::Raw && package.plan.settings.raw.is_none() {
         return Err(ToolError::NoRaw { path: package.dir });
     }
-    let &Args { eye, target, fov, size, exposure, mode, antialias, from, .. } = args;
-    let asked = View { camera: args.camera.clone(), eye, target, fov, size, exposure, mode, antialias };
+    let &Args { eye, target, up, fov, size, exposure, mode, antialias, from, .. } = args;
+    let asked = View { camera: args.camera.clone(), eye, target, up, fov, size, exposure, mode, antialias };
     let camera = asked.camera(&package.scene).map_err(|e| ToolError::Usage(e.to_string()))?;
     let begun = Instant::now();
     let mut light = Light::new(&package, &package.scene, &package.plan, from, Trust::Checksum);

@@ -261,7 +261,7 @@ mod tests {
     fn the_bytes_of_a_plan_never_change() {
         assert_eq!(
             Plan::digest_of(&plan().to_bytes().unwrap()).to_string(),
-            "b230c42beaefd046e1807fc5bb48ccbc19c6301e214180abf136c5a8aacc7855"
+            "43576acce6a37d4969bb2e157a642ca8d56b663cb1b465021adfad8bbf9f85ea"
         );
     }
 

@@ -56,6 +56,9 @@ pub(super) struct PictureQuery {
     /// What it looks at, `x,y,z` in metres; by default the middle of the scene.
     #[param(example = "0,1,0")]
     pub target: Option<String>,
+    /// What points up in the picture, x,y,z; by default +Y. For scenes whose +Z is up: 0,0,1.
+    #[param(example = "0,1,0")]
+    pub up: Option<String>,
     /// Vertical field of view in degrees, 1 to 170; by default 45.
     #[param(example = "45")]
     pub fov: Option<String>,
@@ -82,6 +85,7 @@ impl PictureQuery {
             "camera" => &self.camera,
             "eye" => &self.eye,
             "target" => &self.target,
+            "up" => &self.up,
             "fov" => &self.fov,
             "w" => &self.w,
             "h" => &self.h,

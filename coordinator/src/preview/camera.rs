@@ -123,6 +123,12 @@ pub enum BadCamera {
         /// What there are.
         known: String,
     },
+    /// An upward direction that says nothing.
+    #[error("up {up}: it must be a direction, and not along the line of sight")]
+    Up {
+        /// As asked, unit.
+        up: Vec3,
+    },
     /// An angle out of range.
     #[error("a vertical field of view of {fov} degrees; from {} to {} are possible", FOV.start(), FOV.end())]
     Fov {
@@ -154,6 +160,19 @@ impl Camera {
         let forward = along / along.length();
         let up = if forward.cross(DVec3::Y).length() < VERTICAL { DVec3::NEG_Z } else { DVec3::Y };
         Ok(Self { eye, target, fov, size, axes: axes(forward, up, half_sides(fov, size)), parallel: false })
+    }
+
+    /// The same camera turned about its axis until `up` points up in the picture, as it does in scenes whose +Z is up.
+    ///
+    /// # Errors
+    /// A direction that is no direction, or along the line of sight.
+    pub fn upright(self, up: Vec3) -> Result<Self, BadCamera> {
+        let forward = self.axes[2];
+        let up = up.as_dvec3().normalize_or_zero();
+        if !(forward.cross(up).length() >= VERTICAL) {
+            return Err(BadCamera::Up { up: up.as_vec3() });
+        }
+        Ok(Self { axes: axes(forward, up, half_sides(self.fov, self.size)), ..self })
     }
 
     /// A camera of the author's, for a picture of this size. Where its field of view is out of range it is the nearest that is not.

@@ -31,6 +31,8 @@ pub struct View {
     pub eye: Option<Vec3>,
     /// What it looks at, metres; without it, as in the default view.
     pub target: Option<Vec3>,
+    /// What points up in the picture; without it +Y, or -Z where the view is vertical.
+    pub up: Option<Vec3>,
     /// Vertical field of view, degrees.
     pub fov: f32,
     /// The picture's size.
@@ -49,6 +51,7 @@ impl Default for View {
             camera: None,
             eye: None,
             target: None,
+            up: None,
             fov: DEFAULT_FOV,
             size: PictureSize::default(),
             exposure: 0.0,
@@ -75,6 +78,7 @@ impl From<BadCamera> for BadView {
             BadCamera::Size { .. } => "h",
             BadCamera::NotFinite { what, .. } => what,
             BadCamera::NoDirection { .. } => "eye",
+            BadCamera::Up { .. } => "up",
             BadCamera::NoSuchCamera { .. } => "camera",
             BadCamera::Fov { .. } | BadCamera::TooFar { .. } => "fov",
         };
@@ -99,7 +103,7 @@ impl View {
         let default = View::default();
         let (width, height) = (read("w", text("w"), side)?, read("h", text("h"), side)?);
         let camera = text("camera");
-        if let (Some(_), Some(other)) = (&camera, ["eye", "target", "fov"].into_iter().find(|name| text(name).is_some())) {
+        if let (Some(_), Some(other)) = (&camera, ["eye", "target", "up", "fov"].into_iter().find(|name| text(name).is_some())) {
             let message = format!("a camera of the scene says where the eye is; leave out `{other}`, or the camera");
             return Err(BadView { field: "camera", message });
         }
@@ -107,6 +111,7 @@ impl View {
             camera,
             eye: read("eye", text("eye"), point)?,
             target: read("target", text("target"), point)?,
+            up: read("up", text("up"), point)?,
             fov: read("fov", text("fov"), number)?.unwrap_or(default.fov),
             size: PictureSize::new(width.unwrap_or(default.size.width), height.unwrap_or(default.size.height))?,
             exposure: read("exposure", text("exposure"), exposure)?.unwrap_or(default.exposure),
@@ -142,7 +147,8 @@ impl View {
         if self.eye.is_none() && !is_near(eye) {
             return Err(BadCamera::TooFar { fov: self.fov, size: self.size });
         }
-        Camera::new(self.eye.unwrap_or(eye), self.target.unwrap_or(target), self.fov, self.size)
+        let camera = Camera::new(self.eye.unwrap_or(eye), self.target.unwrap_or(target), self.fov, self.size)?;
+        self.up.map_or(Ok(camera), |up| camera.upright(up))
     }
 }
 

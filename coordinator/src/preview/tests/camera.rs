@@ -25,6 +25,29 @@ fn a_vertical_view_has_a_top_too() {
 }
 
 #[test]
+fn up_may_be_said_for_scenes_that_stand_on_another_side() {
+    let camera = Camera::new(Vec3::new(0.0, -5.0, 0.0), Vec3::ZERO, 90.0, size(2, 2)).unwrap();
+    let upright = camera.upright(Vec3::new(0.0, 0.0, 7.0)).unwrap();
+    let corner = upright.direction(0, 0);
+    assert!(corner.z > 0.0 && corner.x < 0.0, "the upper left pixel: {corner}");
+    for bad in [Vec3::ZERO, Vec3::Y, Vec3::NAN] {
+        assert!(camera.upright(bad).unwrap_err().to_string().contains("line of sight"), "{bad}");
+    }
+    let scene = scene_of(&[[[0.0; 3], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]]], 1.0);
+    let query = |up: &'static str| {
+        let view = View::from_query(|name| match name {
+            "eye" => Some("0,-5,0".to_owned()),
+            "target" => Some("0,0,0".to_owned()),
+            "up" => Some(up.to_owned()),
+            _ => None,
+        });
+        view.map_err(|e| e.to_string()).and_then(|v| v.camera(&scene).map_err(|e| e.to_string()))
+    };
+    assert!(query("0,0,1").unwrap().direction(0, 0).z > 0.0);
+    assert!(query("0,2,0").unwrap_err().starts_with("up ") && query("up").unwrap_err().starts_with("up:"));
+}
+
+#[test]
 fn cameras_that_cannot_see_are_refused() {
     let make = |eye: Vec3, fov| Camera::new(eye, Vec3::ONE, fov, size(4, 4));
     for (eye, fov) in [
