@@ -215,7 +215,7 @@ fn a_gutter_texel_beyond_a_seam_lies_where_its_chart_would_go_on() {
     }
     assert_eq!(carried, 2 * 16, "two columns of gutter");
     // Another material beyond the edge is another surface to the eye.
-    let mut other = scene.clone();
+    let mut other = scene;
     other.surfaces[0].parts[0].triangles = 2;
     let part = crate::scene::Part { material: 1, triangles: 2, ..other.surfaces[0].parts[0].clone() };
     other.surfaces[0].parts.push(part);
