@@ -4,21 +4,24 @@
 //! What a format cannot say is told as a warning, so that nobody finds out by looking at the result. There is no X3D from other formats: the
 //! canonical scene has lost what makes X3D worth writing (names of nodes, animations, extensions).
 
-use crate::{api, error::CommandError, output, submit};
+use crate::{
+    api,
+    error::CommandError,
+    import_args::ImportArgs,
+    output,
+    submit::{self, Collected},
+};
 use clap::Args;
 use kiln_coordinator::{
     blob::publish,
     export::gltf,
     import::{
-        self, Bundle, X3dEncoding,
+        self, X3dEncoding,
         format::{self, Format},
     },
     records::Problem,
 };
-use kiln_proto::{
-    limits,
-    options::{ImportOptions, LightUnits},
-};
+use kiln_proto::limits;
 use std::{
     io::Write,
     path::{Path, PathBuf},
@@ -34,15 +37,11 @@ pub struct ConvertArgs {
     /// Write `receiveShadows` out as shadow maps and projected texture coordinates; only from X3D to X3D
     #[arg(long)]
     lower_shadows: bool,
-    /// Seconds at which animations are evaluated; without it, the scene at rest
-    #[arg(long, value_name = "SECONDS")]
-    time: Option<f64>,
-    /// What the numbers of X3D lights mean: x3d or physical
-    #[arg(long, value_name = "UNITS", default_value_t)]
-    light_units: LightUnits,
     /// Replace files that are there
     #[arg(long)]
     force: bool,
+    #[command(flatten)]
+    import: ImportArgs,
 }
 
 /// What is to be written.
@@ -64,14 +63,12 @@ struct Converted {
 /// Converts, writes and reports.
 pub fn run(args: &ConvertArgs, json: bool) -> Result<(), CommandError> {
     let target = target(&args.output, args.lower_shadows)?;
-    let options = ImportOptions { time: args.time, light_units: args.light_units, ..ImportOptions::default() };
-    options.check().map_err(|e| CommandError::usage(format!("--{e}")))?;
     refuse_to_overwrite(args, target)?;
     let scratch = submit::scratch()?;
-    let bundle = submit::collect(&args.input, scratch.path())?;
+    let scene = submit::collect(&args.input, &args.import, scratch.path())?;
     let converted = match target {
-        Target::X3d(encoding) => x3d(args, &bundle, encoding)?,
-        Target::Glb | Target::Gltf => gltf(args, &bundle, &options, target)?,
+        Target::X3d(encoding) => x3d(args, &scene, encoding)?,
+        Target::Glb | Target::Gltf => gltf(args, &scene, target)?,
     };
     for (path, bytes) in &converted.files {
         write(path, bytes)?;
@@ -122,8 +119,8 @@ fn refuse_to_overwrite(args: &ConvertArgs, target: Target) -> Result<(), Command
     Ok(())
 }
 
-fn gltf(args: &ConvertArgs, bundle: &Bundle, options: &ImportOptions, target: Target) -> Result<Converted, CommandError> {
-    let imported = import::import_bundle(bundle, options).map_err(|p| api::rejected(&p))?;
+fn gltf(args: &ConvertArgs, scene: &Collected, target: Target) -> Result<Converted, CommandError> {
+    let imported = import::import_bundle(&scene.bundle, &scene.options).map_err(|p| api::rejected(&p))?;
     let failed = |e: gltf::ExportError| CommandError::from_error(args.output.display(), &e);
     let mut exported = gltf::export(&imported.scene).map_err(failed)?;
     let mut warnings = imported.warnings;
@@ -144,14 +141,15 @@ fn gltf(args: &ConvertArgs, bundle: &Bundle, options: &ImportOptions, target: Ta
     Ok(Converted { files, warnings, facts })
 }
 
-fn x3d(args: &ConvertArgs, bundle: &Bundle, encoding: X3dEncoding) -> Result<Converted, CommandError> {
-    let main = bundle.main();
-    let bytes = bundle.read(main, limits::TEXT_BYTES).map_err(|p| CommandError::work(p.to_string()))?;
+fn x3d(args: &ConvertArgs, scene: &Collected, encoding: X3dEncoding) -> Result<Converted, CommandError> {
+    let main = scene.bundle.main();
+    let bytes = scene.bundle.read(main, limits::TEXT_BYTES).map_err(|p| CommandError::work(p.to_string()))?;
     if format::detect(main.as_str(), &bytes) != Format::X3d {
         let message = "this is not X3D, and X3D is written of X3D only; give the output the ending .glb or .gltf";
         return Err(CommandError::usage(format!("{}: {message}", args.input.display())));
     }
-    let mut rewritten = import::rewrite_x3d(bundle, args.time, args.lower_shadows, encoding).map_err(|p| api::rejected(&p))?;
+    let mut rewritten =
+        import::rewrite_x3d(&scene.bundle, scene.options.time, args.lower_shadows, encoding).map_err(|p| api::rejected(&p))?;
     let folder = |path: &Path| path.parent().map(Path::to_owned).unwrap_or_default();
     if let (Some(first), true) = (rewritten.files.first(), folder(&args.input) != folder(&args.output)) {
         let message =

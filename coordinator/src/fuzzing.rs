@@ -5,7 +5,8 @@
 //! twice.
 
 use crate::import::{Bundle, Content, Part, X3dEncoding, import_bundle, rewrite_x3d};
-use image::{ImageFormat, ImageReader};
+use exr::meta::MetaData;
+use image::{ImageDecoder as _, ImageFormat, ImageReader, codecs::hdr::HdrDecoder};
 use kiln_proto::{
     format::{Header, Kind, container, header, manifest::Manifest, surface::SurfaceFiles},
     options::ImportOptions,
@@ -17,7 +18,7 @@ use kiln_proto::{
         message::{ChunkTrailer, ChunkVerdict, Finish, Heartbeat, HeartbeatReply, Hello, LeaseGrant, LeaseRequest, Refusal, Welcome},
     },
 };
-use std::{io::Cursor, ops::Range, path::Path};
+use std::{io::Cursor, path::Path};
 
 /// One parser.
 #[derive(Debug, Clone, Copy)]
@@ -40,7 +41,7 @@ const fn pictured(name: &'static str, run: fn(&[u8])) -> Target {
 }
 
 /// All of them.
-pub const TARGETS: [Target; 19] = [
+pub const TARGETS: [Target; 21] = [
     target("obj", |bytes| import("s.obj", bytes)),
     target("mtl", mtl),
     pictured("gltf", |bytes| import("s.gltf", bytes)),
@@ -52,11 +53,13 @@ pub const TARGETS: [Target; 19] = [
     target("x3d_rewrite", rewrite),
     target("zip", zip),
     Target { name: "image", run: crate::import::fuzz_image, images: |bytes| declared_images(bytes).max(declared_tga(bytes)) },
+    Target { name: "hdr", run: |bytes| environment("e.hdr", bytes), images: declared_hdr },
+    Target { name: "exr", run: |bytes| environment("e.exr", bytes), images: declared_exr },
     target("frame", frames),
     target("segment", segment),
     target("scene", |bytes| drop(Scene::from_bytes(bytes))),
     target("plan", |bytes| drop(Plan::from_bytes(bytes))),
-    target("container", |bytes| with_sum(bytes, 24, &[32..usize::MAX], |bytes| drop(container::parse(bytes)))),
+    target("container", |bytes| with_sum(bytes, 24, &[(32, usize::MAX)], |bytes| drop(container::parse(bytes)))),
     target("header", headers),
     target("surface", surface),
     target("manifest", |bytes| drop(Manifest::from_bytes(bytes))),
@@ -82,6 +85,22 @@ fn declared_images(bytes: &[u8]) -> u64 {
 /// What the bytes declare if they are a TGA, which no magic number tells.
 fn declared_tga(bytes: &[u8]) -> u64 {
     ImageReader::with_format(Cursor::new(bytes), ImageFormat::Tga).into_dimensions().map_or(0, pixels)
+}
+
+/// Two pictures of three floats each: what is decoded, and what is made of it.
+fn declared_hdr(bytes: &[u8]) -> u64 {
+    let size = HdrDecoder::new_nonstrict(Cursor::new(bytes)).map(|decoder| decoder.dimensions());
+    size.map_or(0, |size| pixels(size).saturating_mul(2))
+}
+
+/// The same for every layer of the file, and its own samples.
+fn declared_exr(bytes: &[u8]) -> u64 {
+    let Ok(meta) = MetaData::read_from_buffered(Cursor::new(bytes), false) else { return 0 };
+    let layer = |header: &exr::meta::header::Header| {
+        let size = pixels((header.layer_size.width() as u32, header.layer_size.height() as u32));
+        size.saturating_mul(2 + header.channels.list.len() as u64)
+    };
+    meta.headers.iter().map(layer).fold(0, u64::saturating_add)
 }
 
 fn pixels((width, height): (u32, u32)) -> u64 {
@@ -118,6 +137,14 @@ fn mtl(bytes: &[u8]) {
     }
 }
 
+/// A triangle under a sky.
+fn environment(name: &str, bytes: &[u8]) {
+    let options = ImportOptions { environment: Some(name.to_owned()), ..ImportOptions::default() };
+    if let Some(bundle) = bundle(vec![("s.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"), (name, bytes)], "s.obj") {
+        drop(import_bundle(&bundle, &options));
+    }
+}
+
 /// What was written of any X3D can be read again.
 fn rewrite(bytes: &[u8]) {
     let Some(first) = bundle(vec![("s.x3d", bytes)], "s.x3d") else { return };
@@ -142,7 +169,7 @@ fn frames(bytes: &[u8]) {
         whole[8..12].copy_from_slice(&(length as u32).to_le_bytes());
     }
     for bytes in [bytes, &whole] {
-        with_sum(bytes, 16, &[frame::HEADER_BYTES..usize::MAX], |bytes| {
+        with_sum(bytes, 16, &[(frame::HEADER_BYTES, usize::MAX)], |bytes| {
             drop((
                 from_frame::<Hello>(bytes),
                 from_frame::<Welcome>(bytes),
@@ -156,17 +183,17 @@ fn frames(bytes: &[u8]) {
 }
 
 fn segment(bytes: &[u8]) {
-    with_sum(bytes, 36, &[0..36, 40..usize::MAX], |bytes| {
+    with_sum(bytes, 36, &[(0, 36), (40, usize::MAX)], |bytes| {
         drop(Segment::from_bytes(bytes));
         drop(without_raw(bytes.to_vec()));
     });
 }
 
 /// Runs on the bytes as they are, and again with the CRC32C of some ranges where it belongs: four bytes at `at`.
-fn with_sum(bytes: &[u8], at: usize, ranges: &[Range<usize>], run: impl Fn(&[u8])) {
+fn with_sum(bytes: &[u8], at: usize, ranges: &[(usize, usize)], run: impl Fn(&[u8])) {
     run(bytes);
     let mut mended = bytes.to_vec();
-    let sum = ranges.iter().fold(0, |sum, r| crc32c::crc32c_append(sum, mended.get(r.start..r.end.min(mended.len())).unwrap_or_default()));
+    let sum = ranges.iter().fold(0, |sum, r| crc32c::crc32c_append(sum, mended.get(r.0..r.1.min(mended.len())).unwrap_or_default()));
     if let Some(place) = mended.get_mut(at..at + 4) {
         place.copy_from_slice(&sum.to_le_bytes());
         run(&mended);

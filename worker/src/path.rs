@@ -95,7 +95,7 @@ impl<'a> Tracer<'a> {
 
     /// What arrives at a vertex from the unit world `direction`, where its emission counts as `depth`.
     pub fn incident(&mut self, from: &Vertex, direction: Vec3, depth: u32, sample: PathSample) -> Incident {
-        let arrival = match self.meet(from, direction, sample.salt(depth)) {
+        let arrival = match self.meet(from, direction, depth, sample) {
             Met::Front(arrival) => arrival,
             Met::Sky { radiance, light_pdf } => return Incident { emitted: radiance, light_pdf, reflected: Rgb::BLACK },
             Met::Nothing => return Incident::NOTHING,
@@ -119,7 +119,9 @@ impl<'a> Tracer<'a> {
             }
             if vertex.bsdf.is_smooth() {
                 sum += throughput * self.next_event(&vertex, wo, sample.key.pair(Dimension::next_event(depth), sample.index));
-                sum += throughput * self.punctual(&vertex, wo, sample.key.pair(Dimension::punctual(depth), sample.index));
+                if !self.scene.lights().punctual().is_empty() {
+                    sum += throughput * self.punctual(&vertex, wo, sample.key.pair(Dimension::punctual(depth), sample.index));
+                }
             }
             let Some(bounce) = vertex.bsdf.sample(wo, sample.key.pair(Dimension::bounce(depth), sample.index)) else { break };
             let direction = vertex.shading.to_world(bounce.wi);
@@ -128,7 +130,7 @@ impl<'a> Tracer<'a> {
             }
             throughput = throughput * bounce.weight;
             let shared = |light_pdf: f32| bounce.pdf.map_or(1.0, |pdf| mis::balance(pdf, light_pdf));
-            let arrival = match self.meet(&vertex, direction, sample.salt(depth)) {
+            let arrival = match self.meet(&vertex, direction, depth, sample) {
                 Met::Front(arrival) => arrival,
                 Met::Sky { radiance, light_pdf } => {
                     sum += throughput * radiance * shared(light_pdf);
@@ -152,13 +154,13 @@ impl<'a> Tracer<'a> {
     /// In hollows of a smooth surface a direction above the horizon of the interpolated normal may lie below that of the triangle, which a flat
     /// triangle then meets itself. There is nothing to see there: such a ray goes on as its mirror image above the triangle, so that a furnace
     /// keeps its light.
-    fn meet(&mut self, from: &Vertex, mut direction: Vec3, salt: u64) -> Met {
+    fn meet(&mut self, from: &Vertex, mut direction: Vec3, depth: u32, sample: PathSample) -> Met {
         let origin = from.origin(direction);
-        let mut seen = self.scene.closest(&Ray::unbounded(origin, direction), salt, &mut self.rays);
+        let mut seen = self.scene.closest(&Ray::unbounded(origin, direction), || sample.salt(depth), &mut self.rays);
         let (own, mut turned) = (self.scene.prim(from.prim), false);
         if own.smooth.is_some() && matches!(&seen, Seen::Hit(hit, _) if hit.prim == from.prim || Some(hit.prim) == own.other) {
             direction -= own.frame.normal * (2.0 * own.frame.normal.dot(direction));
-            seen = self.scene.closest(&Ray::unbounded(origin, direction), salt, &mut self.rays);
+            seen = self.scene.closest(&Ray::unbounded(origin, direction), || sample.salt(depth), &mut self.rays);
             turned = true;
         }
         match seen {
@@ -178,6 +180,9 @@ impl<'a> Tracer<'a> {
     fn emitted(&self, arrival: &Arrival) -> (Rgb, f32) {
         let hit = &arrival.hit;
         let emitted = self.scene.emission(hit.prim, [hit.u, hit.v]);
+        if emitted.is_black() {
+            return (emitted, 0.0);
+        }
         let emitter = self.scene.prim(hit.prim).emitter.filter(|_| !arrival.turned);
         let pdf = emitter.map_or(0.0, |e| to_solid_angle(self.scene.lights().pdf_area(e as usize), hit.t * hit.t, arrival.cos));
         (emitted, pdf)

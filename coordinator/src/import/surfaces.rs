@@ -1,4 +1,4 @@
-//! Surfaces from meshes in the world, one after the other, until they are the geometry of a scene: what X3D and OBJ do alike.
+//! Surfaces from meshes in the world, one after the other, until they are the geometry of a scene: what all importers do alike.
 //!
 //! A mesh is handed over whole with the polygons of it that one surface takes, so that importers may compute on the file as one mesh (normals
 //! across objects, say) and still make many surfaces of it. Cost: linear in the corners, but for concave polygons.
@@ -131,6 +131,11 @@ impl Surfaces {
         self.fronts.push(surface);
         self.two_sided.push(two_sided);
         self.backs.push(back);
+    }
+
+    /// Surfaces so far, backs not counted.
+    pub(super) fn len(&self) -> usize {
+        self.fronts.len()
     }
 
     /// Hands all over to the scene, with backs.

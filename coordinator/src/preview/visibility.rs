@@ -138,7 +138,7 @@ impl<'a> Stage<'a> {
             if seen.veil.through.is_black() {
                 return;
             }
-            last = Some((hit.t, hit.triangle));
+            last = Some(hit);
         }
     }
 
@@ -170,15 +170,21 @@ impl<'a> Stage<'a> {
         self.scene.veil_at(&self.scene.materials[material as usize], &place, -normal.dot(direction))
     }
 
+    /// Whether a hit lies behind another. What is as near on the same surface is the other side of a shared edge, and the same layer.
+    fn is_behind(&self, hit: &Hit, last: &Hit) -> bool {
+        let same = || self.locate(hit.triangle).0 == self.locate(last.triangle).0;
+        (hit.t, hit.triangle) > (last.t, last.triangle) && (hit.t > last.t * (1.0 + GROW) || !same())
+    }
+
     /// The nearest front along a ray behind the hit `last`; of equally near ones that of the lowest number, which a page that draws in this order
     /// shows, too.
-    fn closest(&self, origin: DVec3, direction: Vec3, last: Option<(f32, usize)>) -> Option<Hit> {
+    fn closest(&self, origin: DVec3, direction: Vec3, last: Option<Hit>) -> Option<Hit> {
         let (mut best, d): (Option<Hit>, _) = (None, direction.as_dvec3());
         let ray = Ray::new_inf(origin.as_vec3().into(), direction.into());
         self.tree.ray_traverse(ray, &mut RayHit::none(), |_, at| {
             let triangle = self.tree.primitive_indices[at] as usize;
             let Some(hit) = self.cross(triangle, origin, d) else { return f32::INFINITY };
-            let is_behind = last.is_none_or(|last| last < (hit.t, triangle));
+            let is_behind = last.is_none_or(|last| self.is_behind(&hit, &last));
             let nothing = |hit: &Hit| !self.veils.is_empty() && self.veil(hit, direction) == NOTHING;
             if is_behind && best.is_none_or(|b| (hit.t, triangle) < (b.t, b.triangle)) && !nothing(&hit) {
                 best = Some(hit);

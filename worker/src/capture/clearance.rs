@@ -60,7 +60,7 @@ impl Lookout<'_> {
             let (sin, cos) = sin_cos_turns(k as f32 / AROUND as f32);
             let direction = own.frame.tangent * cos + own.frame.bitangent * sin;
             let ray = Ray { origin: vertex.lifted, direction, tmax };
-            if let Seen::Hit(hit, _) = self.scene.closest(&ray, key.salt(k, 0), rays)
+            if let Seen::Hit(hit, _) = self.scene.closest(&ray, || key.salt(k, 0), rays)
                 && nearest.is_none_or(|(least, _)| hit.t < least.t)
             {
                 nearest = Some((hit, direction));
@@ -92,7 +92,7 @@ impl Lookout<'_> {
             let u = [k % side, k / side].map(|i| (i as f32 + 0.5) / side as f32);
             let direction = vertex.frame.to_world(warp::cosine_hemisphere(u));
             let ray = Ray::unbounded(vertex.origin(direction), direction);
-            match self.scene.closest(&ray, key.salt(k, 1), rays) {
+            match self.scene.closest(&ray, || key.salt(k, 1), rays) {
                 Seen::Hit(hit, _) if self.scene.prim(hit.prim).frame.normal.dot(direction) > 0.0 => backs += 1,
                 _ => others += 1,
             }

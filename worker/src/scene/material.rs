@@ -27,13 +27,16 @@ impl BakeScene {
     /// What leaves the front of a primitive by itself, W/(sr m²), whatever its opacity.
     #[inline]
     pub fn emission(&self, prim: u32, bary: [f32; 2]) -> Rgb {
+        if !self.prim(prim).is_emissive {
+            return Rgb::BLACK;
+        }
         let material = self.material_of(prim);
         match material.emission_texture {
-            Some(t) if material.is_emissive() => match self.scene.texture_at(&t, &self.place(prim, bary)) {
+            Some(t) => match self.scene.texture_at(&t, &self.place(prim, bary)) {
                 Some([r, g, b, _]) => material.emission * Rgb::new(r, g, b),
                 None => material.emission,
             },
-            _ => material.emission,
+            None => material.emission,
         }
     }
 

@@ -85,16 +85,16 @@ impl Veil {
 }
 
 impl BakeScene {
-    /// What a ray meets first. `salt` names the ray.
+    /// What a ray meets first. `salt` names the ray, where anybody asks.
     #[inline]
-    pub fn closest(&self, ray: &Ray, salt: u64, rays: &mut RayCount) -> Seen {
+    pub fn closest(&self, ray: &Ray, salt: impl FnOnce() -> u64, rays: &mut RayCount) -> Seen {
         if self.veils.is_empty() {
             return match self.accel.closest(ray, rays) {
                 Some(hit) => Seen::Hit(self.seen(hit, ray.direction), Rgb::WHITE),
                 None => Seen::Beyond(Rgb::WHITE),
             };
         }
-        self.closest_veiled(ray, salt, rays)
+        self.closest_veiled(ray, salt(), rays)
     }
 
     fn closest_veiled(&self, ray: &Ray, salt: u64, rays: &mut RayCount) -> Seen {

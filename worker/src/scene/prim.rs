@@ -46,6 +46,10 @@ pub struct Prim {
     pub is_back: bool,
     /// Whether it has vertex colours.
     pub is_colored: bool,
+    /// Whether its material emits, so that most hits need not ask.
+    pub is_emissive: bool,
+    /// Whether its material has a normal map.
+    pub is_mapped: bool,
 }
 
 /// The primitives of a scene.
@@ -67,7 +71,9 @@ impl Prims {
             for (t, part) in surface.part_of_triangles().enumerate() {
                 let smooth = prims.vertex_normals(scene, surface, t);
                 let corners = scene.corners(&surface.triangles[t]);
-                prims.all.push(Prim::new(corners, (index, surface), part, smooth));
+                let material = &scene.materials[surface.parts[part].material as usize];
+                let (is_emissive, is_mapped) = (material.is_emissive(), material.normal_map.is_some());
+                prims.all.push(Prim { is_emissive, is_mapped, ..Prim::new(corners, (index, surface), part, smooth) });
             }
         }
         prims.pair(scene);
@@ -110,6 +116,8 @@ impl Prim {
             smooth,
             is_back: owner.back_of.is_some(),
             is_colored: !owner.colors.is_empty(),
+            is_emissive: false,
+            is_mapped: false,
         }
     }
 

@@ -60,7 +60,7 @@ fn walked(scene: &BakeScene) -> Rgb {
     let mut sum = Rgb::BLACK;
     for (k, (x, y)) in points().enumerate() {
         let ray = Ray::unbounded(Vec3::new(x, y, 9.0), -Vec3::Z);
-        let met = scene.closest(&ray, crate::sampling::sequence::mix(k as u64), &mut RayCount::default());
+        let met = scene.closest(&ray, || crate::sampling::sequence::mix(k as u64), &mut RayCount::default());
         if let Seen::Hit(hit, weight) = met
             && hit.prim >= wall
         {
@@ -88,7 +88,7 @@ fn blended_layers_multiply_for_shadow_rays_and_by_chance_for_paths() {
     assert!((walked(&scene).r - expected).abs() < 4.0 * 0.46 / 64.0, "{:?}", walked(&scene));
     // The same ray always goes the same way, another name of it perhaps another.
     let ray = Ray::unbounded(Vec3::new(0.4, 0.4, 9.0), -Vec3::Z);
-    let met = |salt| scene.closest(&ray, salt, &mut RayCount::default());
+    let met = |salt| scene.closest(&ray, || salt, &mut RayCount::default());
     assert_eq!(met(7), met(7));
     assert!((0..32).any(|salt| met(salt) != met(7)));
 }
@@ -131,7 +131,7 @@ fn a_ray_from_behind_meets_the_back_with_its_own_material() {
     let scene = bake(scene);
     let meet = |z: f32| {
         let ray = Ray::unbounded(Vec3::new(0.7, 0.2, z), Vec3::new(0.0, 0.0, 0.5 - z));
-        match scene.closest(&ray, 0, &mut RayCount::default()) {
+        match scene.closest(&ray, || 0, &mut RayCount::default()) {
             Seen::Hit(hit, _) => hit,
             other => panic!("{other:?}"),
         }

@@ -95,8 +95,10 @@ impl BakeScene {
         let p = self.prim(prim);
         let (lift, inset) = (p.frame.normal * p.lift, p.inset(position));
         let raised = self.smooth_normals(prim).map_or(inset, |normals| self.raised(p, inset, bary, normals));
-        let normal = self.mapped_normal(prim, bary, frame.normal);
-        let shading = if normal == frame.normal { frame } else { frame_of(normal) };
+        let shading = match p.is_mapped {
+            true => Some(self.mapped_normal(prim, bary, frame.normal)).filter(|n| *n != frame.normal).map_or(frame, frame_of),
+            false => frame,
+        };
         Vertex { prim, lifted: raised + lift, sunk: inset - lift, frame, shading, bsdf: self.bsdf(prim, bary) }
     }
 

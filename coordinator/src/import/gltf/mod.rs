@@ -27,7 +27,7 @@ mod uri;
 #[cfg(test)]
 mod tests;
 
-use super::{Bundle, BundlePath, findings::Findings, two_sided};
+use super::{Bundle, BundlePath, findings::Findings};
 use accessor::Accessors;
 use buffer::Buffers;
 use json::{Document, Json, Kind};
@@ -100,21 +100,12 @@ fn build(
         nodes.iter().try_for_each(|node| surfaces.add(node, &source, &mut materials, report));
     }
     materials.check_unused(report);
-    if surfaces.surfaces.is_empty() && !report.has_errors() {
+    if surfaces.made.len() == 0 && !report.has_errors() {
         report.error_in_file("no node of the scene shows a triangle: there is nothing to bake");
     }
-    let mut scene = Scene {
-        positions: surfaces.weld.positions.values,
-        normals: surfaces.weld.normals.values,
-        colors: surfaces.weld.colors.values,
-        surfaces: surfaces.surfaces,
-        materials: materials.materials,
-        textures: materials.textures.images.textures,
-        lights,
-        cameras,
-        ..Scene::empty()
-    };
-    two_sided::split(&mut scene, &surfaces.two_sided);
+    let mut scene =
+        Scene { materials: materials.materials, textures: materials.textures.images.textures, lights, cameras, ..Scene::empty() };
+    surfaces.made.finish(&mut scene);
     Some(scene)
 }
 

@@ -13,10 +13,7 @@ use super::{
     node::{Graph, Node},
     report::Report,
 };
-use crate::import::{
-    name::{Names, Stems},
-    weld::Weld,
-};
+use crate::import::surfaces;
 use glam::{DMat4, DVec3};
 use kiln_proto::{
     limits,
@@ -37,14 +34,7 @@ pub(super) struct Source<'s, 'd, 'b> {
 /// The surfaces of a scene so far.
 #[derive(Default)]
 pub(super) struct Surfaces {
-    /// Their vertices.
-    pub(super) weld: Weld,
-    /// The surfaces.
-    pub(super) surfaces: Vec<Surface>,
-    /// Whether each is seen from both sides.
-    pub(super) two_sided: Vec<bool>,
-    names: Names,
-    stems: Stems,
+    pub(super) made: surfaces::Surfaces,
     triangles: usize,
 }
 
@@ -74,7 +64,7 @@ impl Surfaces {
         let copies = instance::transforms(node, source.accessors, report)?;
         let each: usize = mesh.primitives.iter().map(Primitive::triangle_count).sum();
         self.triangles = self.triangles.saturating_add(each.saturating_mul(copies.len()));
-        let surfaces = self.surfaces.len().saturating_add(mesh.primitives.len().saturating_mul(copies.len()));
+        let surfaces = self.made.len().saturating_add(mesh.primitives.len().saturating_mul(copies.len()));
         for (what, found, most) in [("triangles", self.triangles, limits::TRIANGLES), ("surfaces", surfaces, limits::SURFACES)] {
             if found > most {
                 report.error(node.json, format!("with this node the scene has {found} {what}; at most {most} are allowed"));
@@ -113,11 +103,11 @@ impl Surfaces {
             let corners = if placed.mirrored { [a, c, b] } else { corners };
             let ids = corners.map(|v| {
                 if places[v] == UNUSED {
-                    places[v] = self.weld.positions.id(placed.shape.positions[v].as_vec3().to_array());
+                    places[v] = self.made.weld.positions.id(placed.shape.positions[v].as_vec3().to_array());
                 }
                 places[v]
             });
-            if let Err(left) = self.weld.triangle(ids) {
+            if let Err(left) = self.made.weld.triangle(ids) {
                 report.count(json, left.words());
                 continue;
             }
@@ -128,12 +118,8 @@ impl Surfaces {
             report.count(json, "primitives without any triangle left were dropped");
             return;
         }
-        let wanted: String = wanted.chars().take(limits::NAME_BYTES / 8).collect();
-        surface.name = self.names.take(&wanted);
-        surface.file_stem = self.stems.take(&surface.name);
-        surface.parts = vec![Part::plain(surface.name.clone(), chosen.id, surface.triangles.len())];
-        self.surfaces.push(surface);
-        self.two_sided.push(chosen.two_sided);
+        let part = Part::plain("", chosen.id, surface.triangles.len());
+        self.made.push(surface, part, wanted, chosen.two_sided, None);
     }
 
     /// What belongs to the corners of the triangle that was added last.
@@ -142,7 +128,7 @@ impl Surfaces {
             set.push((!uvs.is_empty()).then(|| corners.map(|v| uvs[v])));
         }
         if !placed.colors.is_empty() {
-            surface.colors.push(corners.map(|v| self.weld.colors.id(placed.colors[v])));
+            surface.colors.push(corners.map(|v| self.made.weld.colors.id(placed.colors[v])));
         }
         if !placed.shape.normals.is_empty() {
             let [a, b, c] = corners.map(|v| placed.shape.positions[v]);
@@ -153,7 +139,7 @@ impl Surfaces {
                     flat.normalize_or(DVec3::Y)
                 })
             });
-            surface.normals.push(normals.map(|n| self.weld.normals.id(n.as_vec3().to_array())));
+            surface.normals.push(normals.map(|n| self.made.weld.normals.id(n.as_vec3().to_array())));
         }
     }
 }

@@ -90,8 +90,9 @@ pub(super) fn library_lines(text: &str) -> Vec<(u32, String)> {
 
 /// The files that an MTL text uses: line and name.
 pub(super) fn texture_lines(text: &str) -> Vec<(u32, String)> {
-    let files = text::statements(text).filter_map(|s| match s.split() {
-        (word, rest) => raw::role(word).map(|_| (s.line, map::parse(rest).file)),
+    let files = text::statements(text).filter_map(|s| {
+        let (word, rest) = s.split();
+        raw::role(word).map(|_| (s.line, map::parse(rest).file))
     });
     files.filter(|(_, f)| !f.is_empty()).take(limits::BUNDLE_FILES).collect()
 }

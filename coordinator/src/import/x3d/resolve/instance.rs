@@ -20,6 +20,9 @@ use crate::import::x3d::{
 };
 use std::{collections::BTreeMap, rc::Rc, sync::Arc};
 
+/// A field of an instance and the field of the prototype around it that it is.
+type Outer = (Box<str>, Box<str>);
+
 impl Resolver<'_> {
     /// An instance of a prototype.
     pub(super) fn instance(&mut self, frame: &mut Frame, item: &NodeItem, prototype: usize, above: u16) -> Option<NodeId> {
@@ -98,7 +101,7 @@ impl Resolver<'_> {
     }
 
     /// The fields of an instance: the prototype's, with what the instance says. Also which of them are fields of the prototype around it.
-    fn arguments(&mut self, frame: &mut Frame, item: &NodeItem, prototype: usize, above: u16) -> (Arguments, Vec<(Box<str>, Box<str>)>) {
+    fn arguments(&mut self, frame: &mut Frame, item: &NodeItem, prototype: usize, above: u16) -> (Arguments, Vec<Outer>) {
         let mut arguments = self.prototypes[prototype].arguments.clone();
         let mut outer = vec![];
         let mut children: BTreeMap<Box<str>, Vec<NodeId>> = BTreeMap::new();

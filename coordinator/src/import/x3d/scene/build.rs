@@ -1,43 +1,29 @@
 //! The scene from all that the walk found.
 
 use super::{
-    coordinates::{Coordinates, Source},
+    coordinates::Source,
     fit::Bounds,
+    form::{Formed, form},
     inlined,
     material::{self, Sides},
-    shadow::{Lights, Received, is_light},
-    shape, space,
-    texture::{Layer, Stack, Textures},
+    shadow::{Lights, is_light},
+    space,
+    texture::Textures,
     view,
     walk::{Placed, World},
 };
 use crate::import::{
     Bundle, NO_LIGHT,
     findings::{At, Findings},
-    mesh::Mesh,
     surfaces::{Look, Surfaces},
     x3d::{Document, NodeId, NodeRef},
 };
 use kiln_proto::{
     limits,
-    options::{ImportOptions, OutsideMap, ProjectorMode, ShadowMode},
+    options::{ImportOptions, OutsideMap, ShadowMode},
     scene::{Camera, Projector, Scene, ShadowRules},
 };
 use std::collections::BTreeMap;
-
-/// A shape in the world, without its material.
-struct Formed<'w, 'd> {
-    placed: &'w Placed<'d>,
-    appearance: Option<NodeRef<'d>>,
-    mesh: Mesh,
-    coordinates: Coordinates<'d>,
-    two_sided: bool,
-    casts: bool,
-    stack: Stack<'d>,
-    /// Layers that colour the light which projects them, not the shape.
-    thrown: Vec<Layer<'d>>,
-    received: Received,
-}
 
 /// The canonical scene of a document; `None` where there were errors.
 pub(in crate::import::x3d) fn build(
@@ -97,50 +83,6 @@ pub(in crate::import::x3d) fn build(
     }
     say_what_is_missing(&world, &scene, main, findings);
     Some(scene)
-}
-
-/// Meshes of all shapes, moved into the world.
-fn form<'w, 'd>(
-    world: &'w World<'d>,
-    textures: &mut Textures<'_>,
-    options: &ImportOptions,
-    findings: &mut Findings,
-) -> Vec<Formed<'w, 'd>> {
-    let projects_light = options.x3d_projectors == ProjectorMode::Light;
-    let (mut shapes, mut corners) = (vec![], 0usize);
-    for placed in &world.shapes {
-        let node = placed.node;
-        if !node.bool("visible") || !node.bool("render") {
-            findings.count(node.at(), "shapes that are not visible were left out");
-            continue;
-        }
-        let Some(geometry) = node.node("geometry") else { continue };
-        if shape::has_no_surface(geometry.kind()) {
-            findings.count(geometry.at(), "shapes of points and lines were left out, they have no surface");
-            continue;
-        }
-        let mut coordinates = Coordinates::of(geometry, findings);
-        let Some(mut built) = shape::mesh(geometry, &mut coordinates, findings) else { continue };
-        corners = corners.saturating_add(built.mesh.corners.len());
-        if corners > 3 * limits::TRIANGLES {
-            findings.error(node.at(), format!("with this shape the scene has more than {} triangles", limits::TRIANGLES));
-            break;
-        }
-        if let Err(e) = built.mesh.transform(&placed.matrix) {
-            findings.error(geometry.at(), format!("{}: {e}", geometry.kind()));
-            continue;
-        }
-        let appearance = node.node("appearance");
-        let field = |name| appearance.and_then(|a| a.node(name));
-        let mut stack = field("texture").map(|t| textures.stack(t, field("textureTransform"), &coordinates, findings)).unwrap_or_default();
-        let by_light = |l: &mut Layer<'_>| projects_light && matches!(l.source, Source::Projected(node) if is_light(node));
-        let thrown = stack.layers.extract_if(.., by_light).collect();
-        let casts = node.bool("castShadow") && appearance.is_none_or(|a| a.bool("shadowCaster"));
-        let (mesh, two_sided) = (built.mesh, built.two_sided);
-        let received = Received::default();
-        shapes.push(Formed { placed, appearance, mesh, coordinates, two_sided, casts, stack, thrown, received });
-    }
-    shapes
 }
 
 /// The box of what casts shadows, and for each light that of what receives its shadows.
@@ -321,7 +263,7 @@ fn colour_lights(scene: &mut Scene, shapes: &[Formed<'_, '_>], projectors: &Proj
             None => light.texture = Some(texture),
             Some(first) if first.texture == texture.texture => {}
             Some(_) => {
-                findings.warn(node.at(), format!("more than one texture is projected from `{}`; the first colours the light", light.name))
+                findings.warn(node.at(), format!("more than one texture is projected from `{}`; the first colours the light", light.name));
             }
         }
     }

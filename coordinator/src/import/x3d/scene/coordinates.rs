@@ -14,7 +14,7 @@ pub(super) enum Source<'d> {
 }
 
 /// The sources of a shape, one per texture in order, and the lists that they name.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 pub(super) struct Coordinates<'d> {
     sources: Vec<(&'d str, Source<'d>)>,
     /// Points of each of the author's lists.

@@ -101,7 +101,7 @@ fn falloff(placed: &Placed<'_>, units: LightUnits, findings: &mut Findings) -> O
         findings.error(node.at_field("attenuation"), format!("{} has a negative attenuation", node.kind()));
         return None;
     }
-    if !(radius >= 0.0) {
+    if radius.is_nan() || radius < 0.0 {
         findings.error(node.at_field("radius"), format!("{} has the radius {radius}; it cannot be negative", node.kind()));
         return None;
     }
@@ -169,7 +169,7 @@ fn directional(placed: &Placed<'_>, scale: f32, out: &mut Projection, findings: 
         out.automatic |= RECTANGLE;
         return Some(());
     }
-    if !(left < right && bottom < top) || !rectangle.iter().all(|v| v.is_finite()) {
+    if !(left < right && bottom < top && rectangle.iter().all(|v| v.is_finite())) {
         let message = format!(
             "DirectionalLight has the projectionRectangle {left} {bottom} {right} {top}; it is left bottom right top with left < right and \
              bottom < top (all zero: automatic)"

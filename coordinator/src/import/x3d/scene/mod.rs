@@ -12,6 +12,7 @@
 mod build;
 mod coordinates;
 mod fit;
+mod form;
 mod inlined;
 mod light;
 mod material;

@@ -51,8 +51,8 @@ struct Walk<'d, 'f> {
     steps: u64,
 }
 
-/// Visits of one walk: instances of nodes, not nodes.
-const MAX_STEPS: u64 = 16_000_000;
+/// Visits of one walk: instances of nodes, not nodes. A hundred lines can stand for any number; a million takes a tenth of a second.
+const MAX_STEPS: u64 = 1 << 20;
 
 impl<'d> World<'d> {
     /// Walks a document from its roots.
@@ -96,7 +96,7 @@ impl<'d> Walk<'d, '_> {
             "EnvironmentLight" => self.findings.count(node.at(), "EnvironmentLight nodes were skipped: give an environment map instead"),
             "Viewpoint" | "OrthoViewpoint" => world.viewpoints.push(placed()),
             "NavigationInfo" | "KambiNavigationInfo" | "Background" | "TextureBackground" | "Fog" | "LocalFog" => {
-                world.bindables.push(node)
+                world.bindables.push(node);
             }
             _ => return self.descend(node, place),
         }

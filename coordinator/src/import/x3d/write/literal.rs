@@ -16,7 +16,7 @@ pub(super) fn elements(ty: FieldType, value: &Value, capitals: bool, indent: &st
                 (false, true) => "FALSE",
                 (true, false) => "true",
                 (false, false) => "false",
-            })
+            });
         }),
         // Pixels take 32 bits without a sign; sizes are never negative.
         Value::Ints(v) if ty.base == Base::Image => join(v, usize::MAX, indent, |v, out| {
