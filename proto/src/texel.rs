@@ -6,6 +6,11 @@
 //! from the plan alone, so coordinator, worker and package reader agree without sending masks about. Coordinates are f64 here: a texel
 //! centre on a shared edge must fall on the same side on every machine. The alternative, conservative coverage of every touched texel,
 //! would bake centres that lie beside the surface.
+//!
+//! A raster that was told of its seams ([`SurfaceRaster::with_seams`]) lets texels reach over edges of charts behind which the surface goes on:
+//! the coordinator and readers, which only ask what is covered, do without.
+
+mod seam;
 
 use crate::{
     frame::{Frame, FrameRule, SurfaceFrames},
@@ -15,6 +20,7 @@ use crate::{
     tile::{Cell, TILE_SIDE},
 };
 use glam::{DVec2, DVec3, Vec3};
+use seam::Seams;
 use std::collections::HashMap;
 
 /// Texels around a chart that borrow its light.
@@ -24,7 +30,7 @@ const EDGE: f64 = 1e-9;
 /// Neighbouring triangles join a texel's footprint when the normals of their planes agree to this cosine.
 const COPLANAR: f32 = 0.999_9;
 
-/// A covered texel.
+/// A covered texel, or one beside a chart that takes its light from across a seam.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Texel {
     /// Column.
@@ -35,8 +41,12 @@ pub struct Texel {
     pub triangle: u32,
     /// The world position of its centre, metres.
     pub position: Vec3,
-    /// Its frame: that of its centre.
+    /// Its frame: that of its centre, turned as its own chart has it.
     pub frame: Frame,
+    /// The weights of the second and third corner of `triangle` at its centre.
+    bary: DVec2,
+    /// The triangle of its own chart whose plane its square is laid out in.
+    start: u32,
     /// Triangles of the same chart that its square touches and that go on flat or smoothly from its own, which is the first.
     near: Vec<u32>,
 }
@@ -73,7 +83,7 @@ impl Row {
 
 /// A triangle in texel coordinates, with the inverse of its edge matrix.
 struct Flat {
-    origin: DVec2,
+    corners: [DVec2; 3],
     /// Rows of the inverse of [e1 e2]; `None` for a triangle without area in the texture.
     inverse: Option<[DVec2; 2]>,
     low: DVec2,
@@ -86,13 +96,13 @@ impl Flat {
         let (e1, e2) = (p[1] - p[0], p[2] - p[0]);
         let det = e1.x * e2.y - e2.x * e1.y;
         let inverse = (det.abs() > 1e-12).then(|| [DVec2::new(e2.y, -e2.x) / det, DVec2::new(-e1.y, e1.x) / det]);
-        Self { origin: p[0], inverse, low: p[0].min(p[1]).min(p[2]), high: p[0].max(p[1]).max(p[2]) }
+        Self { corners: p, inverse, low: p[0].min(p[1]).min(p[2]), high: p[0].max(p[1]).max(p[2]) }
     }
 
     /// Barycentric weights of the second and third corner, unclamped.
     fn bary(&self, at: DVec2) -> Option<DVec2> {
         let rows = self.inverse?;
-        let d = at - self.origin;
+        let d = at - self.corners[0];
         Some(DVec2::new(rows[0].dot(d), rows[1].dot(d)))
     }
 
@@ -108,6 +118,9 @@ pub struct SurfaceRaster {
     charts: Vec<u32>,
     flats: Vec<Flat>,
     frames: SurfaceFrames,
+    rule: FrameRule,
+    /// Where the surface goes on across edges of charts, if that was asked for.
+    seams: Option<Seams>,
     /// Which triangles go on smoothly into each other, by a number that they share; empty for a surface that is flat in each triangle.
     joined: Vec<u32>,
     width: u32,
@@ -128,7 +141,15 @@ impl SurfaceRaster {
         let frames = SurfaceFrames::new(scene, surface, plan, rule);
         let joined = if frames.is_smooth() { smooth_groups(scene, surface, plan) } else { vec![] };
         let (starts, bins) = bin(&flats, width, height);
-        Self { corners, charts: plan.charts.clone(), flats, frames, joined, width, height, starts, bins }
+        Self { corners, charts: plan.charts.clone(), flats, frames, rule, seams: None, joined, width, height, starts, bins }
+    }
+
+    /// The same raster with the seams of its charts; `scene`, `surface` and `plan` are those that it was made of. Cost: O(n log n) in
+    /// triangles.
+    #[must_use]
+    pub fn with_seams(mut self, scene: &Scene, surface: &Surface, plan: &SurfacePlan) -> Self {
+        self.seams = Some(Seams::new(scene, surface, plan, &self.frames));
+        self
     }
 
     /// The frame at a point of the surface; `None` on a triangle without area.
@@ -182,21 +203,79 @@ impl SurfaceRaster {
                 && self.frames.geometric_normal(t).is_some_and(|o| o.dot(normal) > COPLANAR || self.is_smooth_between(t, triangle))
         };
         let near = std::iter::once(triangle).chain(self.candidates(x, y).iter().copied().filter(|t| joins(*t))).collect();
-        Some(Texel { x, y, triangle, position: self.position(triangle, bary), frame, near })
+        Some(Texel { x, y, triangle, position: self.position(triangle, bary), frame, bary, start: triangle, near })
     }
 
-    /// The point of a texel's footprint at (dx, dy) in [0, 1)² of its square, or `None` where no chart lies there.
+    /// The texel of a gutter's row at its place across a seam: its square is laid out in the plane of its chart's nearest triangle and along
+    /// the surface from there, its frame is the own chart's carried over. `None` where the chart ends there, which leaves the row the copy of
+    /// its source that it is; likewise for covered texels and without seams.
+    #[must_use]
+    pub fn beyond(&self, row: Row) -> Option<Texel> {
+        let seams = self.seams.as_ref().filter(|_| !row.is_covered())?;
+        let chart = self.charts[self.owner(row.source.0, row.source.1)?.0 as usize];
+        let centre = DVec2::new(f64::from(row.x) + 0.5, f64::from(row.y) + 0.5);
+        let own = self.candidates(row.x, row.y).iter().copied().filter(|t| self.charts[*t as usize] == chart);
+        let start = seams.start(&self.flats, own, centre)?;
+        let at = self.flats[start as usize].bary(centre)?;
+        let (triangle, bary) = seams.follow(&self.corners, start, at)?;
+        let tangent = self.frames.at(start, onto(at).to_array())?.tangent;
+        let frame = self.turned(self.frames.at(triangle, bary.to_array())?.normal, tangent);
+        Some(Texel { x: row.x, y: row.y, triangle, position: self.position(triangle, bary), frame, bary, start, near: vec![] })
+    }
+
+    /// The point of a texel's footprint at (dx, dy) in [0, 1)² of its square, or `None` where the surface does not go on as far.
     #[must_use]
     pub fn footprint(&self, texel: &Texel, dx: f32, dy: f32) -> Option<SurfacePoint> {
         let at = DVec2::new(f64::from(texel.x) + f64::from(dx), f64::from(texel.y) + f64::from(dy));
-        texel.near.iter().find_map(|t| Some(self.point(*t, self.flats[*t as usize].inside(at)?)))
+        let own = texel.near.iter().find_map(|t| Some(self.point(*t, self.flats[*t as usize].inside(at)?)));
+        own.or_else(|| {
+            let (seams, bary) = (self.seams.as_ref()?, self.flats[texel.start as usize].bary(at)?);
+            let (triangle, bary) = seams.follow(&self.corners, texel.start, bary)?;
+            Some(self.point(triangle, bary))
+        })
+    }
+
+    /// The frame at a point of a texel's footprint, where it differs from the texel's: on smooth surfaces, and beyond seams, where the own
+    /// chart's is carried over.
+    #[must_use]
+    pub fn frame_within(&self, texel: &Texel, point: &SurfacePoint) -> Option<Frame> {
+        if !texel.near.contains(&point.triangle) {
+            return Some(self.turned(self.frame(point)?.normal, texel.frame.tangent));
+        }
+        if self.frames.is_smooth() { self.frame(point) } else { None }
+    }
+
+    fn turned(&self, normal: Vec3, tangent: Vec3) -> Frame {
+        match self.rule {
+            FrameRule::Thesis => Frame::thesis(normal.as_dvec3()),
+            FrameRule::Texture => Frame::oriented(normal.as_dvec3(), tangent.as_dvec3()),
+        }
+    }
+
+    /// Half the longer diagonal of a texel in the world, metres: no point of its square is farther from its centre.
+    #[must_use]
+    pub fn reach(&self, texel: &Texel) -> f32 {
+        let (flat, [a, b, c]) = (&self.flats[texel.start as usize], self.corners[texel.start as usize]);
+        let Some([first, second]) = flat.inverse else { return 0.0 };
+        let step = |x: f64, y: f64| (b - a) * first.dot(DVec2::new(x, y)) + (c - a) * second.dot(DVec2::new(x, y));
+        (0.5 * step(1.0, 1.0).length().max(step(1.0, -1.0).length())) as f32
+    }
+
+    /// The covered texels of a texel's chart within the gutter's reach of it, nearest first; ties go to the lowest row, then column.
+    pub fn neighbours(&self, texel: &Texel) -> impl Iterator<Item = Texel> {
+        let (x, y, chart) = (i64::from(texel.x), i64::from(texel.y), self.charts[texel.start as usize]);
+        let mut around: Vec<(i64, i64, i64)> = offsets().map(|(dx, dy)| (dx * dx + dy * dy, y + dy, x + dx)).collect();
+        around.sort_unstable();
+        let within =
+            |(d, y, x): &(i64, i64, i64)| *d > 0 && (0..i64::from(self.width)).contains(x) && (0..i64::from(self.height)).contains(y);
+        let texel = move |(_, y, x): (i64, i64, i64)| self.texel(x as u32, y as u32);
+        around.into_iter().filter(within).filter_map(texel).filter(move |t| self.charts[t.triangle as usize] == chart)
     }
 
     /// The point at a texel's centre.
     #[must_use]
     pub fn centre(&self, texel: &Texel) -> SurfacePoint {
-        let at = DVec2::new(f64::from(texel.x) + 0.5, f64::from(texel.y) + 0.5);
-        self.point(texel.triangle, self.flats[texel.triangle as usize].bary(at).unwrap_or_default())
+        self.point(texel.triangle, texel.bary)
     }
 
     /// The texels of a cell that hold light, row by row: covered ones and the gutter around charts, also charts of neighbouring cells.
@@ -243,9 +322,19 @@ fn nearest(x: i64, y: i64, is_covered: &impl Fn(i64, i64) -> bool) -> Option<(u3
     if is_covered(x, y) {
         return Some((x as u32, y as u32));
     }
-    let square = (-GUTTER..=GUTTER).flat_map(|dy| (-GUTTER..=GUTTER).map(move |dx| (dx, dy)));
-    let (_, sy, sx) = square.filter(|(dx, dy)| is_covered(x + dx, y + dy)).map(|(dx, dy)| (dx * dx + dy * dy, y + dy, x + dx)).min()?;
+    let (_, sy, sx) = offsets().filter(|(dx, dy)| is_covered(x + dx, y + dy)).map(|(dx, dy)| (dx * dx + dy * dy, y + dy, x + dx)).min()?;
     Some((sx as u32, sy as u32))
+}
+
+/// Columns and rows within the gutter's reach, the middle included.
+fn offsets() -> impl Iterator<Item = (i64, i64)> {
+    (-GUTTER..=GUTTER).flat_map(|dy| (-GUTTER..=GUTTER).map(move |dx| (dx, dy)))
+}
+
+/// Barycentric weights of the second and third corner moved onto the triangle.
+fn onto(bary: DVec2) -> DVec2 {
+    let clamped = bary.max(DVec2::ZERO);
+    clamped / (clamped.x + clamped.y).max(1.0)
 }
 
 /// Numbers triangles so that those share one that are connected over edges where positions, texture coordinates and normals agree: the texture
@@ -273,8 +362,10 @@ fn bin(flats: &[Flat], width: u32, height: u32) -> (Vec<usize>, Vec<u32>) {
     let (columns, rows) = (width.div_ceil(TILE_SIDE), height.div_ceil(TILE_SIDE));
     let reach = |flat: &Flat| {
         let cell = |v: f64, n: u32| ((v / f64::from(TILE_SIDE)).floor().max(0.0) as u32).min(n - 1);
-        // One texel of slack: owners are asked for texels of the window that a tile looks through, always in the texel's own cell.
-        (cell(flat.low.x - 1.0, columns)..=cell(flat.high.x + 1.0, columns), cell(flat.low.y - 1.0, rows)..=cell(flat.high.y + 1.0, rows))
+        // Gutter texels look for edges of their chart in their own cell.
+        let slack = GUTTER as f64 + 1.0;
+        let cells = |low: f64, high: f64, n: u32| cell(low - slack, n)..=cell(high + slack, n);
+        (cells(flat.low.x, flat.high.x, columns), cells(flat.low.y, flat.high.y, rows))
     };
     let mut starts = vec![0usize; (columns * rows) as usize + 1];
     let each = |visit: &mut dyn FnMut(usize, u32)| {
@@ -297,102 +388,4 @@ fn bin(flats: &[Flat], width: u32, height: u32) -> (Vec<usize>, Vec<u32>) {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::{plan::ChartSource, scene::Triangle, settings::TextureSize};
-
-    /// A unit square of two triangles with the given texture coordinates of its corners.
-    fn square(uv: [[f32; 2]; 4], width: u32, height: u32) -> (Scene, SurfacePlan) {
-        let corners = [[0u32, 1, 2], [0, 2, 3]];
-        let triangles = corners.iter().map(|c| (Triangle { corners: *c, polygon: 0 }, Some(c.map(|k| uv[k as usize])))).collect();
-        let surface = Surface::plain("s", 0, triangles);
-        let positions = vec![[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
-        let scene = Scene { positions, surfaces: vec![surface], ..Scene::empty() };
-        let plan = SurfacePlan {
-            size: TextureSize { width, height },
-            source: ChartSource::Author,
-            uv: corners.iter().map(|c| c.map(|k| uv[k as usize])).collect(),
-            charts: vec![0, 0],
-            covered: 0,
-            tiles: vec![],
-        };
-        (scene, plan)
-    }
-
-    const FULL: [[f32; 2]; 4] = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
-
-    #[test]
-    fn a_full_chart_covers_every_texel_once_and_centres_lie_where_they_should() {
-        let (scene, plan) = square(FULL, 40, 20);
-        let raster = SurfaceRaster::new(&scene, &scene.surfaces[0], &plan, FrameRule::Texture);
-        for (x, y) in [(0, 0), (39, 19), (13, 7), (32, 0)] {
-            let t = raster.texel(x, y).unwrap();
-            assert!(t.position.distance(Vec3::new((x as f32 + 0.5) / 40.0, (y as f32 + 0.5) / 20.0, 0.0)) < 1e-6);
-            assert_eq!((t.frame.tangent, t.frame.normal), (Vec3::X, Vec3::Z));
-        }
-        let rows: Vec<Row> = [(0, 0), (1, 0)].iter().flat_map(|(x, y)| raster.tile(Cell { x: *x, y: *y })).collect();
-        assert_eq!(rows.len(), 800);
-        assert!(rows.iter().all(|r| r.is_covered()));
-    }
-
-    #[test]
-    fn gutters_are_two_texels_and_reach_into_neighbouring_tiles() {
-        // The chart ends exactly at column 32, the edge of the first tile.
-        let (scene, plan) = square([[0.0, 0.0], [0.5, 0.0], [0.5, 1.0], [0.0, 1.0]], 64, 32);
-        let raster = SurfaceRaster::new(&scene, &scene.surfaces[0], &plan, FrameRule::Texture);
-        assert_eq!(raster.tile(Cell { x: 0, y: 0 }).len(), 1024);
-        let next = raster.tile(Cell { x: 1, y: 0 });
-        assert_eq!(next.len(), 64);
-        assert!(next.iter().all(|r| !r.is_covered() && r.source == (31, r.y) && (32..34).contains(&r.x)));
-        assert!(raster.texel(32, 0).is_none());
-    }
-
-    #[test]
-    fn gutter_ties_go_to_the_lowest_row_then_column() {
-        let only = |set: &'static [(i64, i64)]| move |x: i64, y: i64| set.contains(&(x, y));
-        assert_eq!(nearest(5, 5, &only(&[(4, 5), (5, 4), (6, 5)])), Some((5, 4)));
-        assert_eq!(nearest(5, 5, &only(&[(6, 5), (4, 5)])), Some((4, 5)));
-        assert_eq!(nearest(5, 5, &only(&[(3, 3), (7, 5)])), Some((7, 5)));
-        assert_eq!(nearest(5, 5, &only(&[(2, 5)])), None);
-    }
-
-    #[test]
-    fn a_footprint_spans_the_triangles_of_its_chart_and_nothing_else() {
-        let (scene, mut plan) = square(FULL, 4, 4);
-        let share = |plan: &SurfacePlan| {
-            let raster = SurfaceRaster::new(&scene, &scene.surfaces[0], plan, FrameRule::Texture);
-            let texel = raster.texel(1, 1).unwrap();
-            (0..64).filter(|k| raster.footprint(&texel, (k % 8) as f32 / 8.0 + 0.06, (k / 8) as f32 / 8.0 + 0.01).is_some()).count()
-        };
-        assert_eq!(share(&plan), 64, "the diagonal runs through the texel, both halves count");
-        plan.charts = vec![0, 1];
-        assert!(share(&plan) < 64, "another chart is another surface in the texture");
-    }
-
-    #[test]
-    fn smooth_triangles_join_where_they_bend_and_frames_turn_within_a_texel() {
-        // The square is folded along its diagonal; normals lean toward each other as far as its smooth surface has them equal there.
-        let (mut scene, plan) = square(FULL, 4, 4);
-        scene.positions[3] = [0.0, 1.0, 0.5];
-        scene.normals = [[0.3, -0.3, 1.0], [0.0, 0.0, 1.0], [0.3, -0.3, 1.0], [0.5, -0.5, 1.0]]
-            .map(|n| Vec3::from_array(n).normalize().to_array())
-            .to_vec();
-        let shares = |scene: &Scene| {
-            let raster = SurfaceRaster::new(scene, &scene.surfaces[0], &plan, FrameRule::Texture);
-            let texel = raster.texel(1, 1).unwrap();
-            let points: Vec<SurfacePoint> =
-                (0..64).filter_map(|k| raster.footprint(&texel, (k % 8) as f32 / 8.0 + 0.06, (k / 8) as f32 / 8.0 + 0.01)).collect();
-            let normals: Vec<Vec3> = points.iter().map(|p| raster.frame(p).unwrap().normal).collect();
-            (points.len(), normals.iter().map(|n| n.distance(texel.frame.normal)).fold(0.0, f32::max))
-        };
-        let (flat, _) = shares(&scene);
-        assert!(flat < 64, "a fold is an edge on a flat surface");
-        scene.surfaces[0].normals = scene.surfaces[0].triangles.iter().map(|t| t.corners).collect();
-        let (joined, turn) = shares(&scene);
-        assert!(joined == 64 && turn > 0.01 && turn < 0.2, "{joined} {turn}");
-        // Another normal at one end of the fold: a hard edge.
-        scene.normals.push([0.0, 0.0, 1.0]);
-        scene.surfaces[0].normals[1][0] = 4;
-        assert_eq!(shares(&scene).0, flat);
-    }
-}
+mod tests;

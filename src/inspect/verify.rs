@@ -13,7 +13,7 @@ use kiln_proto::{
         stream::{ReadError, Run, Trust, runs},
     },
     plan::PlannedTile,
-    settings::Rule,
+    settings::{Footprint, Rule},
     texel::{Row, SurfaceRaster},
 };
 use rayon::prelude::*;
@@ -100,7 +100,10 @@ pub(super) fn verify(package: &Package) -> Result<Verification, ToolError> {
 fn measure(package: &Package, surface: usize) -> Result<(Measured, Coded), ToolError> {
     let coded = package.coded(surface, Trust::Hashed)?;
     let raw = package.plan.settings.raw.map(|_| package.raw(surface, Trust::Hashed)).transpose()?;
-    let (raster, order) = (package.raster(surface), package.order(surface));
+    let (mut raster, order) = (package.raster(surface), package.order(surface));
+    if package.plan.settings.footprint == Footprint::Area {
+        raster = raster.with_seams(&package.scene, &package.scene.surfaces[surface], &package.plan.surfaces[surface]);
+    }
     let tiles = &package.plan.surfaces[surface].tiles;
     let parts = tiles.par_iter().map(|tile| measure_tile(package, surface, *tile, (&raster, &order), &coded, raw.as_ref()));
     Ok((parts.try_reduce(Measured::default, |a, b| Ok(a.add(&b)))?, coded))
@@ -129,7 +132,7 @@ fn measure_tile(
             if let Some(originals) = &originals {
                 out.errors.measure(&originals[k * order.len()..(k + 1) * order.len()], &decoded);
             }
-        } else if strays(package, surface, *row, (coded, kept), raw)? {
+        } else if raster.beyond(*row).is_none() && strays(package, surface, *row, (coded, kept), raw)? {
             out.strays += 1;
             out.stray = out.stray.or(Some((row.x, row.y)));
         }

@@ -1,5 +1,6 @@
-//! Where on a texel samples arrive: jittered over the part of its square that the chart covers, or at one point.
+//! Where on a texel samples arrive: jittered over the part of its square that the chart covers or goes on over from there, or at one point.
 
+use super::clearance::Push;
 use crate::sampling::{Dimension, TexelKey};
 use kiln_proto::{
     frame::Frame,
@@ -20,6 +21,8 @@ pub(crate) enum Points<'a> {
         raster: &'a SurfaceRaster,
         /// The texel.
         texel: &'a Texel,
+        /// What its points are moved out of.
+        push: Option<Push>,
     },
 }
 
@@ -36,7 +39,7 @@ impl Points<'_> {
     pub(crate) fn centre(&self) -> SurfacePoint {
         match self {
             Points::Fixed(point) => *point,
-            Points::Area { raster, texel } => raster.centre(texel),
+            Points::Area { raster, texel, push } => pushed(push.as_ref(), raster.centre(texel)),
         }
     }
 
@@ -44,7 +47,7 @@ impl Points<'_> {
     pub(crate) fn frame(&self, point: &SurfacePoint) -> Option<Frame> {
         match self {
             Points::Fixed(_) => None,
-            Points::Area { raster, .. } => raster.frame(point),
+            Points::Area { raster, texel, .. } => raster.frame_within(texel, point),
         }
     }
 
@@ -52,12 +55,18 @@ impl Points<'_> {
     pub(crate) fn at(&self, key: TexelKey, index: u32, dimension: fn(u32) -> Dimension) -> SurfacePoint {
         match self {
             Points::Fixed(point) => *point,
-            Points::Area { raster, texel } => (0..ATTEMPTS)
-                .find_map(|attempt| {
+            Points::Area { raster, texel, push } => {
+                let jittered = |attempt| {
                     let [dx, dy] = key.pair(dimension(attempt), index);
                     raster.footprint(texel, dx, dy)
-                })
-                .unwrap_or_else(|| raster.centre(texel)),
+                };
+                pushed(push.as_ref(), (0..ATTEMPTS).find_map(jittered).unwrap_or_else(|| raster.centre(texel)))
+            }
         }
     }
+}
+
+/// A point where rays may start; its material stays that of the place it comes from.
+fn pushed(push: Option<&Push>, point: SurfacePoint) -> SurfacePoint {
+    SurfacePoint { position: push.map_or(point.position, |p| p.out(point.position)), ..point }
 }

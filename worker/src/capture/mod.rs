@@ -6,6 +6,8 @@
 //! What a texel holds is what its surface emits, reflects and scatters through, never multiplied by its opacity: a viewer covers what lies behind
 //! by that. Light that passes straight through, a blended surface or clear glass, is not in it; light that rough glass scatters is.
 
+mod bake;
+pub(crate) mod clearance;
 mod directions;
 mod draw;
 mod facets;
@@ -17,7 +19,11 @@ mod punctual;
 pub(crate) mod site;
 
 #[cfg(test)]
+mod edge_tests;
+#[cfg(test)]
 mod material_tests;
+#[cfg(test)]
+mod proof_tests;
 #[cfg(test)]
 mod reference_tests;
 #[cfg(test)]
@@ -36,9 +42,8 @@ use kiln_proto::{
     tile::TileIndex,
     units::Rgb,
 };
-use rayon::prelude::*;
 use site::Site;
-use std::{collections::BTreeSet, sync::Arc};
+use std::sync::Arc;
 
 /// A job ready to be captured.
 pub struct Capture {
@@ -93,7 +98,11 @@ impl Capture {
                 return Err(CaptureError::Mismatch { reason: format!("`{}`: {laid_out} of {triangles} triangles", surface.name) });
             }
         }
-        let lay_out = |(s, p)| SurfaceRaster::new(scene.scene(), s, p, plan.settings.frame);
+        let lay_out = |(s, p)| {
+            let raster = SurfaceRaster::new(scene.scene(), s, p, plan.settings.frame);
+            // Squares and gutters reach over seams where texels have squares.
+            if plan.settings.footprint == Footprint::Area { raster.with_seams(scene.scene(), s, p) } else { raster }
+        };
         let rasters = surfaces.iter().zip(&plan.surfaces).map(lay_out).collect();
         let directions = plan.settings.directions.directions();
         Ok(Self { views: Views::grid(&directions), directions, rasters, scene, plan })
@@ -109,47 +118,6 @@ impl Capture {
     #[must_use]
     pub fn plan(&self) -> &Arc<Plan> {
         &self.plan
-    }
-
-    /// Captures a tile of the Bake phase on the current thread pool. Gutter texels are copies of their source, which is captured here even
-    /// when it lies in another tile.
-    ///
-    /// # Errors
-    /// [`CaptureError::NoSuchTile`].
-    pub fn bake_tile(&self, tile: TileIndex) -> Result<TileRadiance, CaptureError> {
-        let (surface, planned) = self.plan.locate(tile).ok_or(CaptureError::NoSuchTile { tile })?;
-        let raster = &self.rasters[surface];
-        let rows = raster.tile(planned.cell);
-        let sources: BTreeSet<(u32, u32)> = rows.iter().map(|r| (r.source.1, r.source.0)).collect();
-        let sources: Vec<(u32, u32)> = sources.into_iter().collect();
-        let budget = Budget { samples: self.plan.settings.samples, max_depth: self.plan.settings.max_depth };
-        let depth = self.directions.len();
-        let mut light = vec![Rgb::BLACK; sources.len() * depth];
-        let rays = light
-            .par_chunks_mut(depth)
-            .zip(&sources)
-            .map_init(Scratch::default, |scratch, (out, (y, x))| {
-                raster.texel(*x, *y).map_or(0, |texel| self.capture_texel(surface, &texel, budget, scratch, out))
-            })
-            .sum();
-        let mut radiance = Vec::with_capacity(rows.len() * depth * 3);
-        for row in &rows {
-            // Every source was collected from these very rows.
-            let at = sources.binary_search(&(row.source.1, row.source.0)).unwrap_or_default();
-            radiance.extend(light[at * depth..(at + 1) * depth].iter().flat_map(|l| l.to_array()));
-        }
-        Ok(TileRadiance { rows, radiance, rays })
-    }
-
-    /// One covered texel toward all directions; returns the rays traced.
-    fn capture_texel(&self, surface: usize, texel: &Texel, budget: Budget, scratch: &mut Scratch, out: &mut [Rgb]) -> u64 {
-        let raster = &self.rasters[surface];
-        let points = match self.plan.settings.footprint {
-            Footprint::Area => Points::Area { raster, texel },
-            Footprint::Point => Points::Fixed(raster.centre(texel)),
-        };
-        let site = Site { surface, frame: texel.frame, points, key: self.key(surface, texel) };
-        hemisphere::capture(&self.scene, &site, budget, &self.views, scratch, out)
     }
 
     fn key(&self, surface: usize, texel: &Texel) -> TexelKey {

@@ -43,7 +43,7 @@ impl Capture {
         let Some((surface, texel)) = self.locate_covered(ordinal) else { return (sums, 0) };
         let mut light = vec![Rgb::BLACK; self.directions.len()];
         let budget = Budget { samples: SAMPLES.min(self.plan.settings.samples), max_depth: self.plan.settings.max_depth };
-        let rays = self.capture_texel(surface, &texel, budget, scratch, &mut light);
+        let rays = self.capture_texel(surface, (&texel, None), budget, scratch, &mut light);
         if !self.scene.material_of(self.scene.prim_of(surface, texel.triangle)).is_emissive() {
             light.iter().for_each(|l| sums.count(l.max_channel()));
         }

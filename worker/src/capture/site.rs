@@ -46,8 +46,7 @@ impl Site<'_> {
         if point.triangle != self.points.triangle() && prim(point.triangle).material != prim(self.points.triangle()).material {
             point = self.points.centre();
         }
-        let is_smooth = prim(point.triangle).smooth.is_some();
-        let frame = if is_smooth { self.points.frame(&point).unwrap_or(self.frame) } else { self.frame };
+        let frame = self.points.frame(&point).unwrap_or(self.frame);
         scene.vertex_at(self.surface, &point, frame)
     }
 

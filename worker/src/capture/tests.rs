@@ -13,7 +13,7 @@ use kiln_proto::{
 };
 use std::f64::consts::PI;
 
-fn capture(scene: Scene, json: &str, simd: Simd) -> Capture {
+pub(super) fn capture(scene: Scene, json: &str, simd: Simd) -> Capture {
     let plan = plan(&scene, &settings(json));
     Capture::new(Arc::new(BakeScene::new(scene, simd).unwrap()), Arc::new(plan)).unwrap()
 }
@@ -27,7 +27,7 @@ fn mean(values: &[f32]) -> f64 {
 }
 
 /// A floor of 10 m x 10 m under a quad light of 2 m x 2 m that hangs 6 m above it.
-fn lit_floor(floor: kiln_proto::scene::Material) -> Scene {
+pub(super) fn lit_floor(floor: kiln_proto::scene::Material) -> Scene {
     let mut scene = empty();
     add_quad(&mut scene, "floor", [0.0, 0.0, 10.0], [10.0, 0.0, 0.0], [0.0, 0.0, -10.0], floor);
     add_quad(&mut scene, "light", [4.0, 6.0, 4.0], [2.0, 0.0, 0.0], [0.0, 0.0, 2.0], lambert(0.0, 20.0));
@@ -37,7 +37,7 @@ fn lit_floor(floor: kiln_proto::scene::Material) -> Scene {
 const LIGHT: [DVec3; 4] = [DVec3::new(4.0, 6.0, 4.0), DVec3::new(6.0, 6.0, 4.0), DVec3::new(6.0, 6.0, 6.0), DVec3::new(4.0, 6.0, 6.0)];
 
 /// Lambert's polygon formula (1760): irradiance over radiance of a polygon above the horizon.
-fn polygon_factor(p: DVec3, normal: DVec3) -> f64 {
+pub(super) fn polygon_factor(p: DVec3, normal: DVec3) -> f64 {
     let v = LIGHT.map(|c| (c - p).normalize());
     let edge = |k: usize| {
         let (a, b) = (v[k], v[(k + 1) % 4]);

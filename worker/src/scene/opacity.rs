@@ -193,6 +193,14 @@ impl BakeScene {
         self.clear(seen.prim, [seen.u, seen.v], cos)
     }
 
+    /// Whether a ray meets any front, however little of it is covered; of what is in one place with a back, too.
+    pub fn meets_front(&self, ray: &Ray, rays: &mut RayCount) -> bool {
+        self.accel.occluded_where(ray, rays, |hit| {
+            let p = self.prim(hit.prim);
+            p.other.is_some() || p.frame.normal.dot(ray.direction) < 0.0
+        })
+    }
+
     /// A hit of the hierarchy as the side that the ray sees: the back's own primitive where it comes from behind and there is one. The second
     /// and third corner of a back are exchanged.
     #[inline]
