@@ -169,7 +169,7 @@ impl Camera {
     pub fn upright(self, up: Vec3) -> Result<Self, BadCamera> {
         let forward = self.axes[2];
         let up = up.as_dvec3().normalize_or_zero();
-        if !(forward.cross(up).length() >= VERTICAL) {
+        if forward.cross(up).length() < VERTICAL {
             return Err(BadCamera::Up { up: up.as_vec3() });
         }
         Ok(Self { axes: axes(forward, up, half_sides(self.fov, self.size)), ..self })
