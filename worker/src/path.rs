@@ -1,7 +1,7 @@
 //! Light paths: what arrives at a point from a direction, and what leaves a vertex toward one.
 //!
-//! A ray that leaves the scene sees the environment. Next-event estimation and continuation share every vertex by the balance heuristic. Depth counts as in Mitsuba: light that a texel emits
-//! has depth 1, direct light depth 2. There is no Russian roulette: `max_depth` bounds the cost, and roulette would trade it for noise that
+//! A ray that leaves the scene sees the environment. Next-event estimation and continuation share every vertex by the balance heuristic.
+//! Depth counts as in Mitsuba: light that a texel emits has depth 1, direct light depth 2. There is no Russian roulette: `max_depth` bounds the cost, and roulette would trade it for noise that
 //! all directions of a texel share. Surfaces are one-sided: backs block, reflect nothing and emit nothing, unless the scene has a surface for them.
 
 mod next_event;

@@ -26,6 +26,9 @@ const UV_AREA: f64 = 1e-14;
 const SQUEEZED: f64 = 16.0;
 const UNEVEN: f64 = 0.05;
 
+/// Area in the unit square above which triangles overlap for certain, rounding apart.
+const STACKED: f64 = 1.01;
+
 /// Why texture coordinates cannot be used.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub(super) enum Unusable {
@@ -44,6 +47,9 @@ pub(super) enum Unusable {
     /// Two places share a texel.
     #[error("they overlap (at texel {x}, {y} of {size})")]
     Overlap { x: u32, y: u32, size: TextureSize },
+    /// More area than the texture has.
+    #[error("they overlap (together they cover {times:.1} times the texture)")]
+    Stacked { times: f64 },
     /// A chart is folded over.
     #[error("{triangles} triangles are turned over within their charts")]
     Folded { triangles: usize },
@@ -82,6 +88,11 @@ impl<'a> Author<'a> {
         let extent = author.extent(0..triangles.len());
         if extent.degenerate > DEGENERATE * extent.world || extent.uv <= 0.0 {
             return Err(Unusable::Degenerate { percent: 100.0 * extent.degenerate / extent.world });
+        }
+        // Coordinates lie in the unit square, so more area than it has lies on itself. Said before a texel is drawn: two million triangles on
+        // top of each other would be drawn for hours.
+        if extent.uv > STACKED {
+            return Err(Unusable::Stacked { times: extent.uv });
         }
         let turns = author.turns();
         let folded = |k: &usize| {

@@ -5,8 +5,8 @@
 //! (no room for gutters, mirrored), the charts are kept and packed anew. Otherwise charts are made ([`flat`], [`atlas`]): a surface
 //! with vertex normals gets charts of neighbouring triangles where those are fewer than its flat polygons, because every cut shows in a smooth
 //! highlight; a surface of flat triangles keeps its polygons apart unless joining them saves a third of the texels, gutters included, as it does
-//! where triangles are hardly larger than texels. A surface of several parts whose coordinates do not fit together is laid out part by part ([`parts`]), and the back of a two-sided surface has the
-//! layout of its front, mirrored.
+//! where triangles are hardly larger than texels. A surface of several parts whose coordinates do not fit together is laid out part by part
+//! ([`parts`]). The back of a two-sided surface has the layout of its front, mirrored.
 
 mod atlas;
 mod author;

@@ -243,8 +243,11 @@ impl Scene {
     fn check_light(&self, l: &Light) -> Result<(), InvalidScene> {
         let bad = |reason| Err(InvalidScene::Light { what: "light", name: l.name.clone(), reason });
         let usable = |c: Rgb| c.is_finite() && c.to_array().iter().all(|v| *v >= 0.0);
-        if !usable(l.intensity) || !usable(l.ambient) || !is_share(l.shadow_intensity) {
+        if !usable(l.intensity) || !usable(l.ambient) {
             return bad("has an intensity that is negative or not finite");
+        }
+        if !is_share(l.shadow_intensity) {
+            return bad("has a shadow intensity outside [0, 1]");
         }
         let unit = |d: [f32; 3]| (glam::Vec3::from_array(d).length() - 1.0).abs() < 1e-3;
         let placed = match l.shape {

@@ -11,7 +11,11 @@ use crate::{
     scene::{BakeScene, Vertex},
 };
 use glam::Vec3;
-use kiln_proto::{frame::Frame, scene::Material, units::Rgb};
+use kiln_proto::{
+    frame::Frame,
+    scene::{Material, Reflection},
+    units::Rgb,
+};
 
 /// Points whose mean a textured texel's density is made for.
 const POINTS: u32 = 16;
@@ -82,9 +86,13 @@ pub(super) struct Mean {
 impl Mean {
     /// Cost: a look-up of all textures per point.
     pub(super) fn of(scene: &BakeScene, site: &Site<'_>) -> Self {
-        let points = if site.material(scene).textures().next().is_some() { POINTS } else { 1 };
+        let material = site.material(scene);
+        let varies = material.textures().next().is_some() || scene.prim(scene.prim_of(site.surface, site.points.triangle())).is_colored;
+        let points = if varies { POINTS } else { 1 };
         let (mut normal, mut alpha, mut parts) = (Vec3::ZERO, 0.0, [0.0f32; 3]);
-        let mut mean = Self { shape: Shape::Matte, normal: Vec3::Z, is_mirror: false, is_gathered: false, behind: 0.0 };
+        // What varies may be black at all of these points and bright between them: the points say how to draw, not whether.
+        let is_gathered = varies && material.reflection != Reflection::None;
+        let mut mean = Self { shape: Shape::Matte, normal: Vec3::Z, is_mirror: false, is_gathered, behind: 0.0 };
         for index in 0..points {
             let vertex = site.vertex(scene, index, Dimension::footprint);
             normal += local_normal(&vertex);
@@ -108,8 +116,9 @@ impl Mean {
         if let Shape::Facets(alpha) = mean.shape {
             mean.is_mirror = alpha < LEAST_ALPHA;
             mean.shape = Shape::Facets(if mean.is_mirror { 0.0 } else { alpha });
-            if parts[0] > 0.0 && !mean.is_mirror {
-                mean.behind = (parts[0] / parts.iter().sum::<f32>()).clamp(BEHIND.0, BEHIND.1);
+            let is_translucent = matches!(&material.reflection, Reflection::MetallicRoughness(m) if varies && m.transmission > 0.0);
+            if (parts[0] > 0.0 || is_translucent) && !mean.is_mirror {
+                mean.behind = (parts[0] / parts.iter().sum::<f32>().max(f32::MIN_POSITIVE)).clamp(BEHIND.0, BEHIND.1);
             }
         }
         mean

@@ -320,3 +320,19 @@ fn independent_paths_and_the_shared_gather_agree() {
         }
     }
 }
+
+/// Every texel of a floor whose corners are black at one end sees some of the light: none is judged by a single point of it.
+#[test]
+fn texels_with_colours_that_begin_black_are_gathered() {
+    let mut scene = lit_floor(lambert(1.0, 0.0));
+    scene.colors = vec![[0.0, 0.0, 0.0, 1.0], [1.0; 4]];
+    // Black along u = 0, white along u = 1: interpolated over both triangles.
+    scene.surfaces[0].colors = vec![[0, 1, 1], [0, 1, 0]];
+    let json = r#"{"samples":64,"max_depth":2,"directions":"2x2","texture_sizes":{"floor":"4x4"}}"#;
+    let tile = capture(scene, json, Simd::Auto).bake_tile(TileIndex(0)).unwrap();
+    let column = |x: u32| -> f32 { tile.rows.iter().zip(tile.radiance.chunks(12)).filter(|(r, _)| r.x == x).map(|(_, l)| l[0]).sum() };
+    let columns: Vec<f32> = (0..4).map(column).collect();
+    assert!(columns[0] > 0.0 && columns.is_sorted(), "{columns:?}");
+    // At the middle of the texel, an eighth of the way from black to white.
+    assert!((columns[0] / columns[3] - 1.0 / 7.0).abs() < 0.04, "{columns:?}");
+}

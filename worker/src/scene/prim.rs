@@ -6,7 +6,7 @@
 use crate::sampling::warp;
 use glam::{DVec3, Vec3};
 use kiln_proto::{
-    frame::Frame,
+    frame::{Frame, corner_normals},
     scene::{Scene, Surface},
 };
 
@@ -81,8 +81,8 @@ impl Prims {
     }
 
     fn vertex_normals(&mut self, scene: &Scene, surface: &Surface, triangle: usize) -> Option<u32> {
-        let corners = surface.normals.get(triangle)?;
-        self.normals.push(corners.map(|n| Vec3::from_array(scene.normals[n as usize]).normalize_or_zero()));
+        let corners = corner_normals(scene, surface, triangle)?;
+        self.normals.push(corners.map(|n| n.as_vec3()));
         Some(self.normals.len() as u32 - 1)
     }
 

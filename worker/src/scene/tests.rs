@@ -225,3 +225,16 @@ fn points_of_smooth_triangles_are_raised_onto_the_sphere_that_their_normals_mean
     assert!((corner.lifted.length() - 1.0).abs() < 1e-4);
     assert!(middle.sunk.length() < flat.length(), "behind the triangle nothing is raised");
 }
+
+#[test]
+fn normals_that_point_to_the_back_are_replaced_as_they_are_for_texels() {
+    let mut scene = panes(vec![]);
+    let tilted = Vec3::new(0.17, 0.0, -0.985).normalize().to_array();
+    scene.normals = vec![tilted, [0.0, 0.6, 0.8]];
+    scene.surfaces[0].normals = vec![[0, 1, 1], [0, 1, 1]];
+    let wanted = kiln_proto::frame::corner_normals(&scene, &scene.surfaces[0], 0).unwrap();
+    assert_eq!(wanted[0].as_vec3(), Vec3::Z, "the triangle's own");
+    let scene = bake(scene);
+    let normals = scene.normals[scene.prim(0).smooth.unwrap() as usize];
+    assert_eq!(normals, wanted.map(|n| n.as_vec3()));
+}

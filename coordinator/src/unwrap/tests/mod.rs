@@ -72,6 +72,10 @@ fn unusable_coordinates_are_replaced_with_the_reason() {
     let mut twice = rectangle(Some(FULL));
     twice.surfaces[0].uv_sets[0][1] = Some([[0.1, 0.0], [1.0, 0.2], [1.0, 0.9]]);
     why(&twice, "overlap (at texel");
+    let whole = |k: u32| (Triangle { corners: [3 * k, 3 * k + 1, 3 * k + 2], polygon: k }, Some([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]));
+    let places = (0..9u8).map(f32::from).flat_map(|z| [[0.0, 0.0, z], [1.0, 0.0, z], [0.0, 1.0, z]]).collect();
+    let (_, warnings) = laid_out(&scene(places, (0..9).map(whole).collect()), "{}");
+    assert!(warnings[0].contains("overlap (together they cover 4.5 times the texture)"), "{warnings:?}");
     why(&rectangle(Some([[0.5; 2]; 4])), "no area in the texture");
     let mut partial = rectangle(Some(FULL));
     partial.surfaces[0].uv_sets[0][1] = None;
