@@ -24,7 +24,7 @@ pub use material::{
 pub use sample::Place;
 pub use texture::{Coding, Texture};
 pub use validate::{InvalidScene, energy_scale};
-pub use veil::Veil;
+pub use veil::{LEAST_ALPHA, Veil, alpha_of, fifth};
 
 use crate::{
     ids::SceneHash,

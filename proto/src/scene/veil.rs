@@ -5,8 +5,25 @@
 use super::{Material, MetallicRoughness, Place, Reflection, Scene};
 use crate::units::Rgb;
 
-/// Roughness below which a transmissive surface is clear; its square is the least width of a lobe that f32 directions can tell from a line.
-const CLEAR: f32 = 0.031_6;
+/// The least alpha of a lobe of facets; below it a surface is perfectly smooth. f32 directions cannot tell narrower lobes from one direction:
+/// they differ by a few 1e-7, and a lobe's width is about 2 alpha.
+pub const LEAST_ALPHA: f32 = 1e-3;
+
+/// alpha of a perceptual roughness: its square, or 0 where that is below [`LEAST_ALPHA`].
+#[must_use]
+pub fn alpha_of(roughness: f32) -> f32 {
+    let alpha = roughness * roughness;
+    if alpha < LEAST_ALPHA { 0.0 } else { alpha }
+}
+
+/// (1 - c)^5 of a cosine (Schlick 1994).
+#[must_use]
+#[inline(always)]
+pub fn fifth(cos: f32) -> f32 {
+    let m = (1.0 - cos).max(0.0);
+    let square = m * m;
+    square * square * m
+}
 
 /// How a place on a surface veils what lies behind it.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -26,11 +43,14 @@ impl Material {
     /// Whether anything may be seen through it along a straight line.
     #[must_use]
     pub fn is_veil(&self) -> bool {
-        let clear = match &self.reflection {
-            Reflection::MetallicRoughness(m) => m.transmission > 0.0 && (m.metallic_roughness_texture.is_some() || m.roughness < CLEAR),
-            _ => false,
-        };
-        clear || self.lets_through()
+        self.may_be_clear() || self.lets_through()
+    }
+
+    /// Whether it may be clear glass somewhere: transmissive, and smooth or of a roughness that a texture decides.
+    #[must_use]
+    pub fn may_be_clear(&self) -> bool {
+        matches!(&self.reflection, Reflection::MetallicRoughness(m)
+            if m.transmission > 0.0 && (m.metallic_roughness_texture.is_some() || alpha_of(m.roughness) <= 0.0))
     }
 }
 
@@ -39,27 +59,29 @@ impl Scene {
     #[must_use]
     pub fn veil_at(&self, material: &Material, place: &Place, cos: f32) -> Veil {
         let own = self.coverage_at(&material.opacity, place);
-        let clear = match &material.reflection {
-            Reflection::MetallicRoughness(m) if m.transmission > 0.0 => self.clear_at(m, place, cos),
-            _ => Rgb::BLACK,
-        };
-        Veil { own, through: Rgb::splat(1.0 - own) + clear * own }
+        Veil { own, through: Rgb::splat(1.0 - own) + self.clear_at(material, place, cos) * own }
     }
 
-    /// What clear glass lets through: its base colour, less what its two faces together reflect (KHR_materials_transmission, thin-walled; Schlick's
-    /// Fresnel term of KHR_materials_ior and KHR_materials_specular). Black for rough faces.
-    fn clear_at(&self, m: &MetallicRoughness, place: &Place, cos: f32) -> Rgb {
+    /// What clear glass lets straight through: its base colour, less what its two faces together reflect (KHR_materials_transmission,
+    /// thin-walled; Schlick's Fresnel term of KHR_materials_ior and KHR_materials_specular). Black for rough faces and all other materials.
+    #[must_use]
+    pub fn clear_at(&self, material: &Material, place: &Place, cos: f32) -> Rgb {
+        match &material.reflection {
+            Reflection::MetallicRoughness(m) if m.transmission > 0.0 => self.glass_at(m, place, cos),
+            _ => Rgb::BLACK,
+        }
+    }
+
+    fn glass_at(&self, m: &MetallicRoughness, place: &Place, cos: f32) -> Rgb {
         let texel = |t: &Option<_>| t.as_ref().and_then(|t| self.texture_at(t, place)).unwrap_or([1.0; 4]);
         let [_, rough, metal, _] = texel(&m.metallic_roughness_texture);
-        if m.roughness * rough >= CLEAR {
+        if alpha_of(m.roughness * rough) > 0.0 {
             return Rgb::BLACK;
         }
         let ratio = (m.ior - 1.0) / (m.ior + 1.0);
         let [r, g, b, _] = texel(&m.specular_color_texture);
         let f0 = (m.specular_color * Rgb::new(r, g, b) * (ratio * ratio)).max_channel().min(1.0);
-        let away = 1.0 - cos.clamp(0.0, 1.0);
-        let fifth = away * away * away * away * away;
-        let reflected = m.specular * texel(&m.specular_texture)[3] * (f0 + (1.0 - f0) * fifth);
+        let reflected = m.specular * texel(&m.specular_texture)[3] * (f0 + (1.0 - f0) * fifth(cos));
         let share = (1.0 - m.metallic * metal) * m.transmission * texel(&m.transmission_texture)[0] * (1.0 - reflected);
         self.layered(m.base_color, &m.layers, place) * share
     }

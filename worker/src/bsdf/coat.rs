@@ -17,16 +17,12 @@
 
 use crate::sampling::warp::INV_PI;
 use glam::Vec3;
-use kiln_proto::{math, units::Rgb};
-
-/// The least alpha of a lobe; below it the surface is a perfect mirror. f32 directions cannot tell narrower lobes from one direction: they
-/// differ by a few 1e-7, and a lobe's width is about 2 alpha.
-pub const LEAST_ALPHA: f32 = 1e-3;
+use kiln_proto::{math, scene::fifth, units::Rgb};
 
 /// Everything but the diffuse base.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Coat {
-    /// Width of the distribution of facets: roughness squared, at least [`LEAST_ALPHA`]; 0 for a perfect mirror.
+    /// Width of the distribution of facets: roughness squared, at least [`LEAST_ALPHA`](kiln_proto::scene::LEAST_ALPHA); 0 for a perfect mirror.
     pub alpha: f32,
     /// Reflectance of a facet that is looked at straight on.
     pub normal: Rgb,
@@ -38,22 +34,6 @@ pub struct Coat {
     pub lost: f32,
     /// Transmittance of the base for light that facets scatter; black for a perfect mirror, through which light goes straight on.
     pub through: Rgb,
-}
-
-/// (1 - c)^5 of a cosine (Schlick 1994).
-#[must_use]
-#[inline(always)]
-pub fn fifth(cos: f32) -> f32 {
-    let m = (1.0 - cos).max(0.0);
-    let square = m * m;
-    square * square * m
-}
-
-/// alpha of a perceptual roughness: its square, or 0 where that is below [`LEAST_ALPHA`].
-#[must_use]
-pub fn alpha_of(roughness: f32) -> f32 {
-    let alpha = roughness * roughness;
-    if alpha < LEAST_ALPHA { 0.0 } else { alpha }
 }
 
 /// D of GGX for facets halfway between two directions whose sum is `sum`, 1/sr; `alpha` > 0, the normal is z.

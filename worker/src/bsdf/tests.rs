@@ -1,4 +1,4 @@
-use super::coat::{Coat, LEAST_ALPHA, alpha_of};
+use super::coat::Coat;
 use super::*;
 use crate::{
     sampling::chi_square::{Case, check},
@@ -7,7 +7,7 @@ use crate::{
     testing::{Table, add_quad, empty},
 };
 use glam::Vec3;
-use kiln_proto::scene::{Material, MetallicRoughness, Reflection};
+use kiln_proto::scene::{LEAST_ALPHA, Material, MetallicRoughness, Reflection, alpha_of};
 
 fn lambert(kd: f32) -> Bsdf {
     Bsdf { diffuse: Rgb::splat(kd), specular: Specular::None }

@@ -12,12 +12,12 @@ use super::{
 use crate::{
     bsdf::{
         Specular,
-        coat::{Coat, LEAST_ALPHA, smith},
+        coat::{Coat, smith},
     },
     sampling::warp::INV_PI,
 };
 use glam::Vec3;
-use kiln_proto::units::Rgb;
+use kiln_proto::{scene::LEAST_ALPHA, units::Rgb};
 
 /// Memory of the loops.
 #[derive(Debug, Clone, Default)]

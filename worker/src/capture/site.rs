@@ -6,14 +6,14 @@ use super::{
     gather::{Sample, Shape},
 };
 use crate::{
-    bsdf::{Specular, coat::LEAST_ALPHA},
+    bsdf::Specular,
     sampling::{Dimension, TexelKey},
     scene::{BakeScene, Vertex},
 };
 use glam::Vec3;
 use kiln_proto::{
     frame::Frame,
-    scene::{Material, Reflection},
+    scene::{LEAST_ALPHA, Material, Reflection},
     units::Rgb,
 };
 

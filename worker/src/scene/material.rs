@@ -1,14 +1,10 @@
 //! Materials at a point: textures, vertex colours and factors become a few numbers.
 
 use super::{BakeScene, Prim};
-use crate::bsdf::{
-    Bsdf, Specular,
-    coat::{Coat, alpha_of, fifth},
-    power::Exponent,
-};
+use crate::bsdf::{Bsdf, Specular, coat::Coat, power::Exponent};
 use glam::Vec3;
 use kiln_proto::{
-    scene::{Lobe, Mapping, Material, MetallicRoughness, NormalMap, Phong, Place, Reflection, Scene, energy_scale},
+    scene::{Lobe, Mapping, Material, MetallicRoughness, NormalMap, Phong, Place, Reflection, Scene, alpha_of, energy_scale},
     units::Rgb,
 };
 
@@ -52,13 +48,7 @@ impl BakeScene {
 
     /// What a smooth-faced, transmissive primitive lets straight on toward a direction of this cosine: black for most materials.
     pub(super) fn clear(&self, prim: u32, bary: [f32; 2], cos: f32) -> Rgb {
-        match &self.material_of(prim).reflection {
-            Reflection::MetallicRoughness(m) if m.transmission > 0.0 => {
-                let (coat, parts) = layered_coat(&self.scene, m, &self.place(prim, bary));
-                if coat.alpha > 0.0 { Rgb::BLACK } else { parts.through * coat.base_share(fifth(cos)) }
-            }
-            _ => Rgb::BLACK,
-        }
+        self.scene.clear_at(self.material_of(prim), &self.place(prim, bary), cos)
     }
 
     /// The normal that reflection sees at a point, in world space, for a surface normal `normal`; the same where there is no map.
@@ -118,9 +108,8 @@ fn evaluate(scene: &Scene, material: &Material, place: &Place) -> Bsdf {
         Reflection::None => Bsdf::BLACK,
         Reflection::Phong(p) => phong(scene, p, place),
         Reflection::MetallicRoughness(m) => {
-            let (coat, parts) = layered_coat(scene, m, place);
-            let through = if coat.alpha > 0.0 { parts.through } else { Rgb::BLACK };
-            Bsdf { diffuse: parts.diffuse, specular: Specular::Coat(Coat { through, ..coat }) }
+            let (coat, diffuse) = layered_coat(scene, m, place);
+            Bsdf { diffuse, specular: Specular::Coat(coat) }
         }
     }
 }
@@ -144,15 +133,8 @@ fn phong(scene: &Scene, p: &Phong, place: &Place) -> Bsdf {
     Bsdf { diffuse, specular }
 }
 
-/// What lies under a coat.
-struct Base {
-    diffuse: Rgb,
-    /// Transmittance, also of a perfectly smooth coat.
-    through: Rgb,
-}
-
-/// The parameters of appendix B at a place, as the few numbers that its formulas come down to.
-fn layered_coat(scene: &Scene, m: &MetallicRoughness, place: &Place) -> (Coat, Base) {
+/// The parameters of appendix B at a place, as the few numbers that its formulas come down to: the coat, and the diffuse base beneath it.
+fn layered_coat(scene: &Scene, m: &MetallicRoughness, place: &Place) -> (Coat, Rgb) {
     let texel = |t: &Option<_>| t.as_ref().and_then(|t| scene.texture_at(t, place)).unwrap_or([1.0; 4]);
     let base = scene.layered(m.base_color, &m.layers, place);
     let [_, green, blue, _] = texel(&m.metallic_roughness_texture);
@@ -171,7 +153,8 @@ fn layered_coat(scene: &Scene, m: &MetallicRoughness, place: &Place) -> (Coat, B
         rise: missing(base) * metallic + missing(f0) * (weight * dielectric),
         kept: 1.0 - weight * f0.max_channel(),
         lost: weight * (1.0 - f0.max_channel()),
-        through: base * (dielectric * transmission),
+        // Through perfectly smooth facets light goes straight on, which `clear` tells.
+        through: if alpha > 0.0 { base * (dielectric * transmission) } else { Rgb::BLACK },
     };
-    (coat, Base { diffuse: base * (dielectric * (1.0 - transmission)), through: coat.through })
+    (coat, base * (dielectric * (1.0 - transmission)))
 }

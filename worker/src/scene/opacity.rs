@@ -9,12 +9,11 @@
 use super::{BakeScene, Prims};
 use crate::{
     accel::{Hit, Ray, RayCount},
-    bsdf::coat::alpha_of,
     sampling::sequence::mix,
 };
 use glam::Vec3;
 use kiln_proto::{
-    scene::{Material, Reflection, Scene},
+    scene::{Material, Scene},
     units::Rgb,
 };
 
@@ -55,13 +54,9 @@ impl Veil {
     const NO_SHADOW: u8 = 4;
 
     fn of(material: &Material, casts_shadows: bool) -> u8 {
-        let clear = match &material.reflection {
-            Reflection::MetallicRoughness(m) => {
-                m.transmission > 0.0 && (m.metallic_roughness_texture.is_some() || alpha_of(m.roughness) <= 0.0)
-            }
-            _ => false,
-        };
-        u8::from(material.lets_through()) * Self::COVERAGE + u8::from(clear) * Self::CLEAR + u8::from(!casts_shadows) * Self::NO_SHADOW
+        u8::from(material.lets_through()) * Self::COVERAGE
+            + u8::from(material.may_be_clear()) * Self::CLEAR
+            + u8::from(!casts_shadows) * Self::NO_SHADOW
     }
 
     fn has(self, bit: u8) -> bool {
