@@ -64,6 +64,8 @@ step "equal noise: the shared gather against a path per direction"
 cargo bench -p kiln-worker --bench equal_noise | tee "$OUT/equal_noise.jsonl"
 step "the cost of a full-size bake"
 cargo bench -p kiln-worker --bench capture | tee "$OUT/capture.jsonl"
+step "how well charts fill their textures"
+cargo bench -p kiln-coordinator --bench unwrap | tee "$OUT/unwrap.jsonl"
 
 # What libFuzzer finds beside the seeds stays in OUT; a new crash is kept in fuzz/artifacts and belongs into fuzz/corpus once it is mended.
 # An image may declare 2 GiB of pixels, within the limits; anything above four is a leak.
