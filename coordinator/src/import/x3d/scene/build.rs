@@ -72,9 +72,7 @@ pub(in crate::import::x3d) fn build(
         ..Scene::empty()
     };
     colour_lights(&mut scene, &shapes, &projectors, findings);
-    for (placed, file) in files {
-        surfaces.absorb(file, placed, &mut scene, findings);
-    }
+    files.absorb(&mut surfaces, &mut scene, findings);
     surfaces.finish(&mut scene);
     if scene.surfaces.is_empty() {
         findings.promote();
@@ -86,7 +84,7 @@ pub(in crate::import::x3d) fn build(
 }
 
 /// The box of what casts shadows, and for each light that of what receives its shadows.
-fn boxes(shapes: &[Formed<'_, '_>], files: &[(&Placed<'_>, Scene)]) -> (Bounds, Vec<Bounds>) {
+fn boxes(shapes: &[Formed<'_, '_>], files: &inlined::Files<'_, '_>) -> (Bounds, Vec<Bounds>) {
     let (mut casters, mut receivers) = (Bounds::EMPTY, vec![]);
     for formed in shapes {
         let mut own = Bounds::EMPTY;
@@ -100,7 +98,7 @@ fn boxes(shapes: &[Formed<'_, '_>], files: &[(&Placed<'_>, Scene)]) -> (Bounds, 
             receivers[at] = receivers[at].with(own);
         }
     }
-    for (placed, scene) in files {
+    for (placed, scene) in files.placed() {
         for c in scene.surfaces.iter().flat_map(|s| &s.triangles).flat_map(|t| t.corners) {
             casters.add(space::point(&placed.matrix, scene.positions[c as usize]));
         }
@@ -191,15 +189,15 @@ struct Looks<'t, 'b> {
     known: BTreeMap<Key, (u32, Option<u32>)>,
 }
 
-/// Appearance, coordinates, coordinate sets, vertex colours.
-type Key = (Option<NodeId>, Vec<NodeId>, usize, bool);
+/// Appearance, coordinates, the automatic coordinate set, vertex colours.
+type Key = (Option<NodeId>, Vec<NodeId>, u32, bool);
 
 impl Looks<'_, '_> {
     fn sides(&mut self, formed: &Formed<'_, '_>, projectors: &Projectors, findings: &mut Findings) -> (u32, Option<u32>) {
         let has_colours = formed.mesh.colours.is_some();
         let geometry = formed.placed.node.node("geometry");
         let texture_nodes = geometry.filter(|g| g.has("texCoord")).iter().flat_map(|g| g.children("texCoord")).map(|n| n.id()).collect();
-        let key = (formed.appearance.map(|a| a.id()), texture_nodes, formed.coordinates.lists.len(), has_colours);
+        let key = (formed.appearance.map(|a| a.id()), texture_nodes, formed.coordinates.automatic, has_colours);
         if let Some(known) = self.known.get(&key) {
             return *known;
         }

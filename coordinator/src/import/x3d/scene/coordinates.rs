@@ -17,8 +17,10 @@ pub(super) enum Source<'d> {
 #[derive(Debug, Clone, Default)]
 pub(super) struct Coordinates<'d> {
     sources: Vec<(&'d str, Source<'d>)>,
-    /// Points of each of the author's lists.
+    /// Points of each of the author's lists, until the mesh takes them.
     pub(super) lists: Vec<Vec<[f32; 2]>>,
+    /// The coordinate set of the automatic mapping: the one behind the author's.
+    pub(super) automatic: u32,
 }
 
 impl<'d> Coordinates<'d> {
@@ -77,7 +79,8 @@ impl<'d> Coordinates<'d> {
             return Source::Automatic;
         }
         self.lists.push(points);
-        Source::Set(self.lists.len() as u32 - 1)
+        self.automatic = self.lists.len() as u32;
+        Source::Set(self.automatic - 1)
     }
 
     /// The source of the texture at this place of the list; beyond its end, that of the last.

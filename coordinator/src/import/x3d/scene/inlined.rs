@@ -1,11 +1,13 @@
-//! Files of other formats that an X3D scene inlines: each is imported as if it stood alone, then put in its place among the surfaces.
+//! Files of other formats that an X3D scene inlines: each is imported once, as if it stood alone, then put in its places among the surfaces.
+//!
+//! What all places together come to is counted before the first copy: a few nodes that use each other may inline a file a million times.
 
 use super::{
     space,
     walk::{Placed, World},
 };
 use crate::import::{
-    Bundle,
+    Bundle, BundlePath,
     findings::{At, Findings},
     import_file,
     name::Names,
@@ -13,36 +15,91 @@ use crate::import::{
 };
 use glam::DMat4;
 use kiln_proto::{
+    limits,
     options::ImportOptions,
     scene::{Falloff, LightShape, Mapping, Part, Reflection, Scene, Surface, TextureRef, Triangle},
 };
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
-/// The scenes of all inlined files, in the order of the walk; a file that stands in several places is imported for each.
-pub(super) fn read<'w, 'd>(
-    bundle: &Bundle,
-    world: &'w World<'d>,
-    options: &ImportOptions,
-    findings: &mut Findings,
-) -> Vec<(&'w Placed<'d>, Scene)> {
-    let mut scenes = vec![];
+/// The scenes of all inlined files with their places.
+pub(super) struct Files<'w, 'd> {
+    scenes: Vec<Scene>,
+    /// In the order of the walk: where, and the index of which scene.
+    places: Vec<(&'w Placed<'d>, usize)>,
+}
+
+/// Reads the inlined files; nothing where all their places together are more than a scene may have, which is then an error.
+pub(super) fn read<'w, 'd>(bundle: &Bundle, world: &'w World<'d>, options: &ImportOptions, findings: &mut Findings) -> Files<'w, 'd> {
+    let mut files = Files { scenes: vec![], places: vec![] };
+    let mut known: BTreeMap<&BundlePath, Option<usize>> = BTreeMap::new();
+    let mut sums = [0usize; 3];
     for (placed, path) in &world.files {
-        if let Some(scene) = import_file(bundle, path, options, findings) {
-            scenes.push((placed, scene));
+        let index = *known.entry(path).or_insert_with(|| {
+            files.scenes.push(import_file(bundle, path, options, findings)?);
+            Some(files.scenes.len() - 1)
+        });
+        let Some(index) = index else { continue };
+        let scene = &files.scenes[index];
+        let own = [scene.triangle_count(), scene.surfaces.len(), scene.lights.len()];
+        (0..3).for_each(|k| sums[k] = sums[k].saturating_add(own[k]));
+        for ((what, most), sum) in
+            [("triangles", limits::TRIANGLES), ("surfaces", limits::SURFACES), ("lights", limits::LIGHTS)].iter().zip(sums)
+        {
+            if sum > *most {
+                findings.error(placed.node.at(), format!("with this Inline the scene has {sum} {what}; at most {most} are allowed"));
+                return Files { scenes: vec![], places: vec![] };
+            }
+        }
+        files.places.push((placed, index));
+    }
+    files
+}
+
+impl<'w, 'd> Files<'w, 'd> {
+    /// Every scene at each of its places.
+    pub(super) fn placed(&self) -> impl Iterator<Item = (&'w Placed<'d>, &Scene)> {
+        self.places.iter().map(|(placed, index)| (*placed, &self.scenes[*index]))
+    }
+
+    /// Adds all of them to a scene and its surfaces.
+    pub(super) fn absorb(self, surfaces: &mut Surfaces, scene: &mut Scene, findings: &mut Findings) {
+        let first: Vec<u32> = self.scenes.iter().map(|file| add_materials(file, scene)).collect();
+        let mut names = Names::of(scene.lights.iter().map(|l| l.name.as_str()));
+        for (placed, index) in &self.places {
+            let file = &self.scenes[*index];
+            surfaces.absorb(file, first[*index], placed, findings);
+            for light in &file.lights {
+                let mut light = light.clone();
+                place_light(&mut light, &placed.matrix);
+                light.name = names.take(&light.name);
+                scene.lights.push(light);
+            }
+            if !file.cameras.is_empty() {
+                findings.count(placed.node.at(), "cameras of inlined files were left out");
+            }
         }
     }
-    scenes
+}
+
+/// Adds a file's materials and textures; returns the index of its first material.
+fn add_materials(file: &Scene, scene: &mut Scene) -> u32 {
+    let (materials, textures) = (scene.materials.len() as u32, scene.textures.len() as u32);
+    for material in &file.materials {
+        let mut material = material.clone();
+        textures_of(&mut material).into_iter().for_each(|t| t.texture += textures);
+        scene.materials.push(material);
+    }
+    scene.textures.extend_from_slice(&file.textures);
+    materials
 }
 
 impl Surfaces {
-    /// Adds a scene of another format at a place.
-    pub(super) fn absorb(&mut self, mut file: Scene, placed: &Placed<'_>, scene: &mut Scene, findings: &mut Findings) {
-        let offsets = (scene.materials.len() as u32, scene.textures.len() as u32);
+    /// Adds the surfaces of a file at a place; its materials begin at `first_material`.
+    fn absorb(&mut self, file: &Scene, first_material: u32, placed: &Placed<'_>, findings: &mut Findings) {
         let matrix = placed.matrix;
         let mirrors = matrix.determinant() < 0.0;
         let backs: BTreeSet<u32> = file.surfaces.iter().filter_map(|s| s.back_of).collect();
-        let fronts = std::mem::take(&mut file.surfaces);
-        for (index, front) in fronts.into_iter().enumerate().filter(|(_, s)| s.back_of.is_none()) {
+        for (index, front) in file.surfaces.iter().enumerate().filter(|(_, s)| s.back_of.is_none()) {
             let two_sided = backs.contains(&(index as u32));
             for (part, first) in front.parts.iter().scan(0, |end, part| {
                 let first = *end;
@@ -50,27 +107,12 @@ impl Surfaces {
                 Some((part, first))
             }) {
                 let range = first..first + part.triangles as usize;
-                let surface = self.moved(&front, range, &file, &matrix, mirrors, placed.node.at(), findings);
+                let surface = self.moved(front, range, file, &matrix, mirrors, placed.node.at(), findings);
                 if !surface.triangles.is_empty() {
-                    let part = Part::plain("", part.material + offsets.0, surface.triangles.len());
+                    let part = Part::plain("", part.material + first_material, surface.triangles.len());
                     self.push(surface, part, &front.name, two_sided, None);
                 }
             }
-        }
-        let shift = |t: &mut TextureRef| t.texture += offsets.1;
-        for mut material in file.materials {
-            textures_of(&mut material).into_iter().for_each(shift);
-            scene.materials.push(material);
-        }
-        scene.textures.append(&mut file.textures);
-        let mut names = Names::of(scene.lights.iter().map(|l| l.name.as_str()));
-        for mut light in file.lights {
-            place_light(&mut light, &matrix);
-            light.name = names.take(&light.name);
-            scene.lights.push(light);
-        }
-        if !file.cameras.is_empty() {
-            findings.count(placed.node.at(), "cameras of inlined files were left out");
         }
     }
 

@@ -157,7 +157,7 @@ impl Maker<'_, '_, '_, '_> {
     /// A texture with its coordinates.
     fn join(&self, texture: TextureRef, source: Source<'_>) -> TextureRef {
         let projector = if let Source::Projected(node) = source { self.projector(node) } else { None };
-        TextureRef { mapping: mapping(source, self.shape.coordinates.lists.len() as u32, projector), ..texture }
+        TextureRef { mapping: mapping(source, self.shape.coordinates.automatic, projector), ..texture }
     }
 
     fn projector(&self, node: NodeRef<'_>) -> Option<u32> {

@@ -2,7 +2,7 @@
 
 use super::{
     fit::{self, Bounds, Rays},
-    light::{self, ANGLE, DEFAULT_MAP, FAR, NEAR, RECTANGLE},
+    light::{self, DEFAULT_MAP, FAR, NEAR, RECTANGLE},
     space::{narrow, wide},
     walk::{Placed, World},
 };
@@ -153,5 +153,4 @@ fn complete(light: &mut Light, casters: Bounds, receivers: Bounds) {
     if p.automatic & NEAR != 0 {
         p.near = (near as f32).min(p.far / 2.0);
     }
-    debug_assert!(p.automatic & ANGLE == 0 || p.angle > 0.0);
 }

@@ -19,8 +19,9 @@ use crate::import::{
 pub(super) fn mesh(node: NodeRef<'_>, coordinates: &mut Coordinates<'_>, findings: &mut Findings) -> Option<Geometry> {
     if !node.has("coord") && node.kind() != "ElevationGrid" {
         coordinates.lists.clear();
+        coordinates.automatic = 0;
     }
-    let mut geometry = match build(node, coordinates)? {
+    let mut geometry = match build(node, std::mem::take(&mut coordinates.lists))? {
         Ok(geometry) => geometry,
         Err(e @ GeometryError::Empty { .. }) => {
             findings.warn(node.at(), format!("{}: {e}; it was left out", node.kind()));
@@ -34,7 +35,7 @@ pub(super) fn mesh(node: NodeRef<'_>, coordinates: &mut Coordinates<'_>, finding
     for repair in &geometry.repairs.0 {
         findings.warn(node.at(), format!("{}: {repair}", node.kind()));
     }
-    if !coordinates.lists.is_empty() {
+    if coordinates.automatic > 0 {
         let automatic = box_mapping(&geometry.mesh);
         geometry.mesh.uv_sets.push(automatic);
     }
@@ -47,11 +48,11 @@ pub(super) fn has_no_surface(kind: &str) -> bool {
 }
 
 /// The geometry, or `None` for a kind that has none here.
-fn build(node: NodeRef<'_>, coordinates: &Coordinates<'_>) -> Option<Result<Geometry, GeometryError>> {
+fn build(node: NodeRef<'_>, lists: Vec<Vec<[f32; 2]>>) -> Option<Result<Geometry, GeometryError>> {
     let solid = node.has("solid") && node.bool("solid");
     let flag = |name| node.bool(name);
     let float = |name| node.float(name);
-    let composed = || composed(node, coordinates);
+    let composed = || composed(node, lists);
     let index = || node.mf_int("index").to_vec();
     Some(match node.kind() {
         "Box" => BoxNode { size: node.vec3("size"), solid }.build(),
@@ -86,7 +87,7 @@ fn build(node: NodeRef<'_>, coordinates: &Coordinates<'_>) -> Option<Result<Geom
 }
 
 /// The fields of X3DComposedGeometryNode that a node has; defaults for the others.
-fn composed(node: NodeRef<'_>, coordinates: &Coordinates<'_>) -> Composed {
+fn composed(node: NodeRef<'_>, tex_coord: Vec<Vec<[f32; 2]>>) -> Composed {
     let list = |field: &str| node.has(field).then(|| node.node(field)).flatten();
     let flag = |field: &str| !node.has(field) || node.bool(field);
     let color = match list("color") {
@@ -98,7 +99,7 @@ fn composed(node: NodeRef<'_>, coordinates: &Coordinates<'_>) -> Composed {
         coord: list("coord").map(|c| c.mf_vec3("point").into_owned()).unwrap_or_default(),
         normal: list("normal").map(|n| n.mf_vec3("vector").into_owned()).unwrap_or_default(),
         color,
-        tex_coord: coordinates.lists.clone(),
+        tex_coord,
         ccw: flag("ccw"),
         color_per_vertex: flag("colorPerVertex"),
         normal_per_vertex: flag("normalPerVertex"),
