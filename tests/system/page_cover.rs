@@ -8,8 +8,8 @@ use crate::{
 use glam::Vec3;
 use kiln_proto::{
     scene::{
-        AlphaMode, Camera, Coding, Falloff, Lens, Light, LightShape, Material, MetallicRoughness, Opacity, Part, Projection, Reflection,
-        Scene, Surface, Texture, TextureRef,
+        AlphaMode, Camera, Coding, Lens, Light, LightShape, Material, MetallicRoughness, Opacity, Part, Reflection, Scene, Surface,
+        Texture, TextureRef,
     },
     texel::Texel,
     units::Rgb,
@@ -60,18 +60,7 @@ fn scene() -> Scene {
     let leaf_back = back(&leaf, 4);
     let ball = ball(&mut scene, "ball", GREY, [-3.0, 3.0, 0.0], 0.9, 8);
     scene.surfaces = vec![wall, fence, glass, pane, leaf, leaf_back, atlas, panes, ball];
-    scene.lights = vec![Light {
-        name: "bulb".into(),
-        shape: LightShape::Point { position: [0.0, 0.0, 1.0] },
-        intensity: Rgb::splat(2.0),
-        falloff: Falloff::InverseSquare { range: None },
-        ambient: Rgb::BLACK,
-        casts_shadows: true,
-        shadow_intensity: 1.0,
-        projection: Projection::default(),
-        shadow_map: None,
-        texture: None,
-    }];
+    scene.lights = vec![Light::new("bulb", LightShape::Point { position: [0.0, 0.0, 1.0] }, Rgb::splat(2.0))];
     let camera = |name: &str, z: f32| {
         let lens = Lens::Perspective { fov: std::f32::consts::FRAC_PI_4, of_smaller: false };
         Camera { name: name.into(), eye: [0.0, 0.0, z], forward: [0.0, 0.0, -z.signum()], up: [0.0, 1.0, 0.0], lens }

@@ -31,6 +31,25 @@ pub struct Light {
     pub texture: Option<super::TextureRef>,
 }
 
+impl Light {
+    /// A light that shines by the inverse square without end, throws shadows and says nothing else.
+    #[must_use]
+    pub fn new(name: impl Into<String>, shape: LightShape, intensity: Rgb) -> Self {
+        Self {
+            name: name.into(),
+            shape,
+            intensity,
+            falloff: Falloff::InverseSquare { range: None },
+            ambient: Rgb::BLACK,
+            casts_shadows: true,
+            shadow_intensity: 1.0,
+            projection: Projection::default(),
+            shadow_map: None,
+            texture: None,
+        }
+    }
+}
+
 /// Where a light is and where it shines; directions are unit and point away from the light.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub enum LightShape {

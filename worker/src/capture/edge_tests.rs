@@ -5,7 +5,7 @@ use crate::{
     simd::Simd,
     testing::{add_quad, empty, lambert, plan, settings},
 };
-use kiln_proto::scene::{Falloff, Light, LightShape, Projection, Scene};
+use kiln_proto::scene::{Light, LightShape, Scene};
 
 /// Captures whole surfaces: column, row, and the green radiance toward the first direction.
 fn bake(scene: Scene, json: &str, surface: usize) -> Vec<(Row, f32)> {
@@ -123,18 +123,7 @@ fn a_texel_that_an_edge_of_light_crosses_has_the_mean_over_its_area() {
     let mut scene = empty();
     add_quad(&mut scene, "floor", [0.0, 0.0, 8.0], [8.0, 0.0, 0.0], [0.0, 0.0, -8.0], lambert(0.5, 0.0));
     add_quad(&mut scene, "board", [-1.0, 2.0, -1.0], [4.3, 0.0, 0.0], [0.0, 0.0, 10.0], lambert(0.5, 0.0));
-    scene.lights.push(Light {
-        name: "sun".into(),
-        shape: LightShape::Directional { direction: [0.0, -1.0, 0.0] },
-        intensity: Rgb::WHITE,
-        falloff: Falloff::InverseSquare { range: None },
-        ambient: Rgb::BLACK,
-        casts_shadows: true,
-        shadow_intensity: 1.0,
-        projection: Projection::default(),
-        shadow_map: None,
-        texture: None,
-    });
+    scene.lights.push(Light::new("sun", LightShape::Directional { direction: [0.0, -1.0, 0.0] }, Rgb::WHITE));
     let json = r#"{"samples":1024,"max_depth":2,"directions":"2x2"}"#;
     let floor = bake(scene, json, 0);
     let lit = 0.5 / std::f32::consts::PI;

@@ -2,12 +2,10 @@
 
 use super::*;
 use crate::{
-    bsdf::Bsdf,
     eval::{Answer, Query, evaluate},
     simd::Simd,
     testing::{Table, add_back, add_quad, appendix_b, closed_box, empty, lambert, phong, plan, rough, settings},
 };
-use glam::DVec3;
 use kiln_proto::scene::{AlphaMode, Coding, Material, MetallicRoughness, NormalMap, Opacity, Reflection, Scene, Texture, TextureRef};
 
 /// A floor under a quad light, beside a bright wall and over a second light, so that every side of it sees something.
@@ -144,25 +142,11 @@ fn one_bounce_off_a_rough_plate_matches_quadrature() {
             let (at, wo) = (Vec3::new(1.0 + k as f32 * 0.6, 0.0, 8.5 - k as f32 * 0.5), Vec3::new(r * cos, z, r * sin));
             let query = Query { surface: "floor".into(), position: at, direction: wo };
             let answer = evaluate(&scene, &[query], &settings(r#"{"samples":1024,"max_depth":2}"#), 24).remove(0).unwrap();
-            let expected = quadrature(&bsdf, at, wo);
+            let expected = super::tests::quadrature(|wi, wo| bsdf.eval(wi, wo).g, at, wo);
             let off = (f64::from(answer.radiance.g) - expected).abs();
             assert!(off < 5.0 * f64::from(answer.stderr.g) + 1e-3 * expected, "{k}: {answer:?} {expected}");
         }
     }
-}
-
-/// Midpoint rule over the light. World +Y is the normal; local x and y may be any: the BRDF is isotropic.
-fn quadrature(bsdf: &Bsdf, p: Vec3, wo: Vec3) -> f64 {
-    const N: usize = 200;
-    let local = |w: DVec3| Vec3::new(w.x as f32, w.z as f32, w.y as f32);
-    let mut sum = 0.0;
-    for (i, j) in (0..N).flat_map(|i| (0..N).map(move |j| (i, j))) {
-        let at = DVec3::new(4.0 + 2.0 * (i as f64 + 0.5) / N as f64, 6.0, 4.0 + 2.0 * (j as f64 + 0.5) / N as f64) - p.as_dvec3();
-        let wi = at.normalize();
-        let f = f64::from(bsdf.eval(local(wi), local(wo.as_dvec3())).g);
-        sum += f * wi.y * wi.y / at.length_squared();
-    }
-    20.0 * sum * 4.0 / (N * N) as f64
 }
 
 #[test]

@@ -159,7 +159,7 @@ fn direct_light_on_a_phong_floor_matches_quadrature() {
     let mut z2 = 0.0;
     for ((position, wo), answer) in cases.iter().zip(answers) {
         let answer = answer.unwrap();
-        let expected = quadrature(&bsdf, *position, *wo);
+        let expected = quadrature(|wi, wo| bsdf.eval(wi, wo).r, *position, *wo);
         let z = (f64::from(answer.radiance.r) - expected) / f64::from(answer.stderr.r).max(1e-5 * expected);
         assert!(z.abs() < 5.5, "at {position} toward {wo}: {answer:?} {expected}");
         z2 += z * z / cases.len() as f64;
@@ -167,15 +167,16 @@ fn direct_light_on_a_phong_floor_matches_quadrature() {
     assert!(z2 < 2.2, "{z2}");
 }
 
-/// Midpoint rule over the light. World +Y is the normal; local x and y may be any: the BRDF is isotropic.
-fn quadrature(bsdf: &crate::bsdf::Bsdf, p: Vec3, wo: Vec3) -> f64 {
+/// Midpoint rule over the light of [`lit_floor`] for a BRDF's values (wi, wo). World +Y is the normal; local x and y may be any: the BRDF is
+/// isotropic.
+pub(super) fn quadrature(value: impl Fn(Vec3, Vec3) -> f32, p: Vec3, wo: Vec3) -> f64 {
     const N: usize = 300;
     let local = |w: DVec3| Vec3::new(w.x as f32, w.z as f32, w.y as f32);
     let mut sum = 0.0;
     for (i, j) in (0..N).flat_map(|i| (0..N).map(move |j| (i, j))) {
         let at = DVec3::new(4.0 + 2.0 * (i as f64 + 0.5) / N as f64, 6.0, 4.0 + 2.0 * (j as f64 + 0.5) / N as f64) - p.as_dvec3();
         let wi = at.normalize();
-        let f = f64::from(bsdf.eval(local(wi), local(wo.as_dvec3())).r);
+        let f = f64::from(value(local(wi), local(wo.as_dvec3())));
         sum += f * wi.y * wi.y / at.length_squared();
     }
     20.0 * sum * 4.0 / (N * N) as f64

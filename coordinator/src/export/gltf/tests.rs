@@ -6,8 +6,7 @@ use kiln_proto::{
     options::ImportOptions,
     scene::{
         AlphaMode, Camera, Coding, Environment, Falloff, LayerMode, Lens, Light, LightShape, Lobe, Mapping, Material, MetallicRoughness,
-        NormalMap, Opacity, Part, Phong, Projection, Projector, Reflection, SpotProfile, Surface, Texture, TextureLayer, TextureRef,
-        Triangle, Wrap,
+        NormalMap, Opacity, Part, Phong, Projector, Reflection, SpotProfile, Surface, Texture, TextureLayer, TextureRef, Triangle, Wrap,
     },
     units::Rgb,
 };
@@ -82,18 +81,7 @@ fn faithful() -> Scene {
     scene.normals.extend([[0.0, 0.0, -1.0], [0.0, -0.6, -0.8]]);
     let sign = quad(&mut scene, "sign", 1.0, 1);
     scene.surfaces = vec![pane, back, sign];
-    let light = |name: &str, shape| Light {
-        name: name.into(),
-        shape,
-        intensity: Rgb::new(3.0, 1.5, 0.75),
-        falloff: Falloff::InverseSquare { range: None },
-        ambient: Rgb::BLACK,
-        casts_shadows: true,
-        shadow_intensity: 1.0,
-        projection: Projection::default(),
-        shadow_map: None,
-        texture: None,
-    };
+    let light = |name: &str, shape| Light::new(name, shape, Rgb::new(3.0, 1.5, 0.75));
     scene.lights = vec![
         Light { falloff: Falloff::InverseSquare { range: Some(7.5) }, ..light("lamp", LightShape::Point { position: [1.0, 2.0, 3.0] }) },
         light("sun", LightShape::Directional { direction: [0.0, -1.0, 0.0] }),

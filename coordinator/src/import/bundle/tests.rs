@@ -250,16 +250,16 @@ fn a_larger_folder_may_be_named_and_nothing_beyond_it_is_taken() {
         std::fs::create_dir_all(path.parent().unwrap()).unwrap();
         std::fs::write(path, text).unwrap();
     };
-    write("all/rooms/a.obj", "mtllib ../shared/m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl m\nf 1 2 3\n");
-    write("all/shared/m.mtl", "newmtl m\nmap_Kd ../../secret.png\n");
+    write("all/rooms/a.obj", "mtllib ../common/m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl m\nf 1 2 3\n");
+    write("all/common/m.mtl", "newmtl m\nmap_Kd ../../secret.png\n");
     write("secret.png", "no");
     let main = folder.path().join("all/rooms/a.obj");
     let (bundle, missing) = collect(&main, None, folder.path()).unwrap();
     assert_eq!((bundle.main().as_str(), bundle.files().count(), missing.len()), ("a.obj", 1, 1));
     let (bundle, missing) = collect(&main, Some(&folder.path().join("all")), folder.path()).unwrap();
     let names: Vec<&str> = bundle.files().map(|(path, _)| path.as_str()).collect();
-    assert_eq!((bundle.main().as_str(), names), ("rooms/a.obj", vec!["rooms/a.obj", "shared/m.mtl"]));
+    assert_eq!((bundle.main().as_str(), names), ("rooms/a.obj", vec!["common/m.mtl", "rooms/a.obj"]));
     assert!(missing[0].message.contains("secret.png"));
-    let elsewhere = collect(&main, Some(&folder.path().join("all/shared")), folder.path()).unwrap_err();
+    let elsewhere = collect(&main, Some(&folder.path().join("all/common")), folder.path()).unwrap_err();
     assert!(elsewhere.message.contains("does not lie in the folder"), "{elsewhere}");
 }

@@ -9,7 +9,7 @@ use crate::import::name::Names;
 use glam::{DMat4, DVec3};
 use kiln_proto::{
     limits,
-    scene::{Camera, Falloff, Lens, Light, LightShape, Projection, SpotProfile},
+    scene::{Camera, Falloff, Lens, Light, LightShape, SpotProfile},
     units::Rgb,
 };
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
@@ -97,18 +97,7 @@ impl Lamp {
                 LightShape::Spot { position, direction, cut_off: outer, beam_width: inner, profile: SpotProfile::SquaredCosine }
             }
         };
-        Light {
-            name,
-            shape,
-            intensity: self.intensity,
-            falloff: Falloff::InverseSquare { range: self.range },
-            ambient: Rgb::BLACK,
-            casts_shadows: true,
-            shadow_intensity: 1.0,
-            projection: Projection::default(),
-            shadow_map: None,
-            texture: None,
-        }
+        Light { falloff: Falloff::InverseSquare { range: self.range }, ..Light::new(name, shape, self.intensity) }
     }
 }
 

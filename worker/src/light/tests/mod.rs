@@ -15,24 +15,13 @@ use crate::{
 };
 use glam::Vec3;
 use kiln_proto::{
-    scene::{Environment, Falloff, Light, LightShape, Material, Projection, Scene},
+    scene::{Environment, Light, LightShape, Material, Scene},
     units::Rgb,
 };
 
 /// A white light of this shape, by the inverse square.
 pub(crate) fn light(shape: LightShape) -> Light {
-    Light {
-        name: "light".into(),
-        shape,
-        intensity: Rgb::WHITE,
-        falloff: Falloff::InverseSquare { range: None },
-        ambient: Rgb::BLACK,
-        casts_shadows: true,
-        shadow_intensity: 1.0,
-        projection: Projection::default(),
-        shadow_map: None,
-        texture: None,
-    }
+    Light::new("light", shape, Rgb::WHITE)
 }
 
 /// An environment of these texels, row 0 (straight down) first.
