@@ -41,7 +41,7 @@ const fn pictured(name: &'static str, run: fn(&[u8])) -> Target {
 }
 
 /// All of them.
-pub const TARGETS: [Target; 21] = [
+pub const TARGETS: [Target; 22] = [
     target("obj", |bytes| import("s.obj", bytes)),
     target("mtl", mtl),
     pictured("gltf", |bytes| import("s.gltf", bytes)),
@@ -51,6 +51,7 @@ pub const TARGETS: [Target; 21] = [
     target("x3d_json", |bytes| import("s.x3dj", bytes)),
     target("x3d_gzip", |bytes| import("s.x3dz", bytes)),
     target("x3d_rewrite", rewrite),
+    pictured("bundle", files),
     target("zip", zip),
     Target { name: "image", run: crate::import::fuzz_image, images: |bytes| declared_images(bytes).max(declared_tga(bytes)) },
     Target { name: "hdr", run: |bytes| environment("e.hdr", bytes), images: declared_hdr },
@@ -74,12 +75,18 @@ pub fn find(name: &str) -> Option<Target> {
 /// Bytes that decoding the images in a file may take by what they say of their size: eight a pixel while they are decoded (four channels of
 /// 16 bits), eight more for what is made of them. Images are found by the magic numbers of PNG, JPEG and BMP, as they are or in base64.
 fn declared_images(bytes: &[u8]) -> u64 {
-    const MAGIC: [&[u8]; 3] = [b"\x89PNG", b"\xff\xd8\xff", b"BM"];
-    let starts = (0..bytes.len()).filter(|at| MAGIC.iter().any(|magic| bytes[*at..].starts_with(magic)));
+    let starts = (0..bytes.len()).filter(|at| begins_image(&bytes[*at..]));
     let sizes = starts.filter_map(|at| ImageReader::new(Cursor::new(&bytes[at..])).with_guessed_format().ok()?.into_dimensions().ok());
     let sum = sizes.map(pixels).fold(0, u64::saturating_add);
     let marks = bytes.windows(7).enumerate().filter(|(_, w)| *w == b"base64,").map(|(at, _)| &bytes[at + 7..]);
     marks.take(64).fold(sum, |sum, rest| sum.saturating_add(in_base64(rest)))
+}
+
+/// Two letters are too little of a BMP: chance writes them, and what follows would declare gigabytes. So its reserved zeros and the first three
+/// bytes of the length of its second header are looked at as well.
+fn begins_image(bytes: &[u8]) -> bool {
+    let is_bmp = || bytes.starts_with(b"BM") && bytes.get(6..10) == Some(&[0; 4]) && bytes.get(15..18) == Some(&[0; 3]);
+    bytes.starts_with(b"\x89PNG") || bytes.starts_with(b"\xff\xd8\xff") || is_bmp()
 }
 
 /// What the bytes declare if they are a TGA, which no magic number tells.
@@ -127,6 +134,26 @@ fn import(name: &str, bytes: &[u8]) {
         for time in [None, Some(1.5)] {
             drop(import_bundle(&bundle, &ImportOptions { time, ..ImportOptions::default() }));
         }
+    }
+}
+
+/// Begins a file of the target `bundle`; its name and a line feed follow.
+const FILE: &[u8] = b"\n#### ";
+
+/// Several files, the first of which is the scene: what one says of another is reached in no other way.
+fn files(bytes: &[u8]) {
+    let (mut parts, mut rest) = (vec![], bytes);
+    while let Some(named) = rest.strip_prefix(FILE) {
+        let Some(line) = named.iter().position(|b| *b == b'\n') else { break };
+        let content = &named[line + 1..];
+        let length = content.windows(FILE.len()).position(|w| w == FILE).unwrap_or(content.len());
+        let Ok(name) = std::str::from_utf8(&named[..line]) else { break };
+        parts.push((name, &content[..length]));
+        rest = &content[length..];
+    }
+    let main = parts.first().map_or("", |part| part.0);
+    if let Some(bundle) = bundle(parts, main) {
+        drop(import_bundle(&bundle, &ImportOptions::default()));
     }
 }
 

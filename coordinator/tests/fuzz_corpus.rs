@@ -4,8 +4,10 @@
 #[path = "../../fuzz/src/bounds.rs"]
 #[allow(unreachable_pub)] // The fuzz crate is where it is public.
 mod bounds;
+#[path = "fuzz_corpus/large.rs"]
+mod large;
 
-use kiln_coordinator::fuzzing::TARGETS;
+use kiln_coordinator::fuzzing::{TARGETS, find};
 use std::{collections::BTreeSet, path::PathBuf};
 
 #[global_allocator]
@@ -23,11 +25,19 @@ fn corpus(target: &str) -> Vec<(PathBuf, Vec<u8>)> {
     paths.into_iter().map(|path| (path.clone(), std::fs::read(path).unwrap())).collect()
 }
 
-/// The count of memory is that of the whole process: the other test does next to nothing beside this one. Each input is also cut short, which is what uploads do.
+/// The count of memory is that of the whole process: the other test does next to nothing beside this one. Each input is also cut short, which
+/// is what uploads do. Inputs of a corpus are small beside the base of the bound, so files of megabytes follow.
 #[test]
 fn no_parser_panics_or_takes_more_memory_than_it_may() {
     assert!(bounds::peak(|| drop(std::hint::black_box(vec![1u8; 3 << 20]))) >= 3 << 20, "memory is not counted");
     let mut missed = vec![];
+    for (name, input) in large::inputs() {
+        let target = find(name).unwrap();
+        let peak = bounds::peak(|| (target.run)(&input));
+        if peak > bounds::allowed(&input, 0) {
+            missed.push(format!("{name}, large: {peak} bytes at once for {} of input", input.len()));
+        }
+    }
     for target in TARGETS {
         let inputs = corpus(target.name);
         assert!(!inputs.is_empty(), "{} has no corpus", target.name);

@@ -1,0 +1,2 @@
+#![no_main]
+kiln_fuzz::target!("bundle");
