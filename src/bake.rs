@@ -23,7 +23,7 @@ use std::{
 /// Bake scenes on this machine
 #[derive(Debug, Args)]
 pub struct BakeArgs {
-    /// Scene files (.obj, or a .zip with one inside); each becomes one package
+    /// Scene files (.obj, .gltf, .glb, X3D or VRML97, or a .zip with one inside); each becomes one package
     #[arg(required = true)]
     scenes: Vec<PathBuf>,
     /// Folder for the package; with several scenes, a folder of packages

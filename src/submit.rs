@@ -15,7 +15,7 @@ use std::{
 /// Send scenes to a coordinator and create a job for each
 #[derive(Debug, Args)]
 pub struct SubmitArgs {
-    /// Scene files (.obj, or a .zip with one inside)
+    /// Scene files (.obj, .gltf, .glb, X3D or VRML97, or a .zip with one inside)
     #[arg(required = true)]
     scenes: Vec<PathBuf>,
     /// The coordinator's address

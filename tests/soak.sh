@@ -60,6 +60,9 @@ for gpu in swiftshader llvmpipe; do
     node tests/browser/bench.mjs "$URL" $gpu | tee -a "$OUT/page.jsonl"
 done
 
+step "pictures for the checklist of a bake, to be looked at"
+tests/checklist.sh "$OUT/checklist"
+
 step "equal noise: the shared gather against a path per direction"
 cargo bench -p kiln-worker --bench equal_noise | tee "$OUT/equal_noise.jsonl"
 step "the cost of a full-size bake"

@@ -1,14 +1,14 @@
 //! The Bake phase: a tile's texels, whose light each of them shows, and that light.
 //!
-//! Most covered texels show their own. A hidden one shows that of the nearest visible texel of its chart within the gutter's reach, captured at
-//! that texel's place, in its frame and with its samples, so that both hold the same values whichever tile they lie in; smooth frames turn
+//! Most covered texels show their own. A hidden one is moved out where a way out is near, or shows that of the nearest visible texel of its
+//! chart within the gutter's reach, captured at that texel's place, in its frame and with its samples, so that both hold the same values whichever tile they lie in; smooth frames turn
 //! little over two texels. Deeper ones stay as they are. A gutter texel behind which the surface goes on over a seam has a place of its own
 //! there, others show the light of their source. All of this is decided by whichever tile needs it, from the scene and the plan alone. A bake
 //! of points (`--footprint point`) is one of texel centres as they are: nothing is moved, filled or carried over.
 
 use super::{
     Capture, CaptureError, Points, TileRadiance,
-    clearance::{Lookout, Push},
+    clearance::{self, Lookout, Push},
     hemisphere::{self, Budget, Scratch},
     site::Site,
 };
@@ -85,17 +85,24 @@ impl Capture {
         }
         let lookout = Lookout { scene: &self.scene, surface, raster: &self.rasters[surface] };
         let mut rays = RayCount::default();
-        let mut look = |texel: &Texel| {
+        // Where its points are moved to, and whether it is hidden even there.
+        let mut look = |texel: &Texel, reaches: f32| {
             let key = self.key(surface, texel);
-            let push = lookout.push(texel, key, &mut rays);
+            let push = lookout.push(texel, reaches, key, &mut rays);
             (push, lookout.is_hidden(texel, push.as_ref(), key, &mut rays))
         };
-        let (push, hidden) = look(texel);
+        let (push, hidden) = look(texel, 1.0);
+        if !hidden {
+            return (asked, (texel.clone(), push), rays.0);
+        }
+        if let (Some(push), false) = look(texel, clearance::FAR) {
+            return (asked, (texel.clone(), Some(push)), rays.0);
+        }
         let visible = |near: Texel| {
-            let (push, hidden) = look(&near);
+            let (push, hidden) = look(&near, 1.0);
             (!hidden).then_some((near, push))
         };
-        let stand_in = if hidden { lookout.raster.neighbours(texel).find_map(visible) } else { None };
+        let stand_in = lookout.raster.neighbours(texel).find_map(visible);
         (asked, stand_in.unwrap_or_else(|| (texel.clone(), push)), rays.0)
     }
 

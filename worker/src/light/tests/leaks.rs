@@ -9,7 +9,9 @@ use crate::{
 };
 use glam::{Quat, Vec3};
 use kiln_proto::{
+    frame::FrameRule,
     scene::{LightShape, Material, Scene},
+    texel::SurfaceRaster,
     tile::TileIndex,
 };
 use std::sync::Arc;
@@ -93,5 +95,55 @@ fn inside_is_exactly_black_whatever_the_walls_and_the_angle() {
                 assert!(outside.iter().all(|l| *l > 0.0), "{name}: the outside is lit");
             }
         }
+    }
+}
+
+/// A room of side 1 between six boards of this thickness, each of which stands out beyond its neighbours. Surface 6 k is the inside of board k.
+fn boards(thick: f32, out: f32) -> Scene {
+    let mut scene = crate::testing::empty();
+    let walls = closed_box(1.0, &grey());
+    for (k, wall) in walls.surfaces.iter().enumerate() {
+        let c = |t: usize, i: usize| Vec3::from_array(walls.positions[wall.triangles[t].corners[i] as usize]);
+        let (u, v) = (c(0, 1) - c(0, 0), c(1, 2) - c(0, 0));
+        let (inside, away) = (c(0, 0) - (u + v) * (thick + out), u.cross(v) * -thick);
+        let (u, v) = (u * (1.0 + 2.0 * (thick + out)), v * (1.0 + 2.0 * (thick + out)));
+        let faces =
+            [(inside, u, v), (inside + away, v, u), (inside, away, u), (inside, v, away), (inside + v, u, away), (inside + u, away, v)];
+        for (i, (corner, u, v)) in faces.into_iter().enumerate() {
+            add_quad(&mut scene, &format!("board{k} {i}"), corner.to_array(), u.to_array(), v.to_array(), grey());
+        }
+    }
+    scene
+}
+
+/// What is seen inside is filtered from texels up to one beyond the edge: those within the walls show the light of the side they are nearer to.
+#[test]
+fn boards_that_run_through_each_other_are_black_inside_where_they_are_two_texels_thick() {
+    for out in [0.05, 0.0725, 0.13] {
+        let mut scene = boards(0.1, out);
+        scene.environment = Some(sky(8, 4, |_, _| [1e6; 3]));
+        let side = ((1.2 + 2.0 * out) / 0.05) as u32;
+        let sizes: Vec<String> = (0..6).map(|k| format!(r#""board{k} 0":"{side}x{side}""#)).collect();
+        let json = format!(r#"{{"samples":64,"max_depth":3,"directions":"2x2","texture_sizes":{{{}}}}}"#, sizes.join(","));
+        let plan = plan(&scene, &settings(&json));
+        let capture = Capture::new(Arc::new(BakeScene::new(scene, Simd::Auto).unwrap()), Arc::new(plan)).unwrap();
+        let (mut within, mut beyond) = (0, 0);
+        for surface in (0..36).step_by(6) {
+            let planned = &capture.plan().surfaces[surface];
+            let raster =
+                SurfaceRaster::new(capture.scene().scene(), &capture.scene().scene().surfaces[surface], planned, FrameRule::Texture);
+            let texel = (1.2 + 2.0 * out) / side as f32;
+            let tile = capture.bake_tile(capture.plan().first_tile(surface)).unwrap();
+            for (row, light) in tile.rows.iter().zip(tile.radiance.chunks(4 * 3)) {
+                let Some(place) = raster.texel(row.x, row.y).map(|t| raster.centre(&t).position) else { continue };
+                if place.cmpge(Vec3::splat(-texel)).all() && place.cmple(Vec3::splat(1.0 + texel)).all() {
+                    within += 1;
+                    assert!(light.iter().all(|l| *l == 0.0), "standing out by {out}: board {surface} has {light:?} at {place}");
+                } else {
+                    beyond += usize::from(light.iter().any(|l| *l > 0.0));
+                }
+            }
+        }
+        assert!(within > 6 * 400 && beyond > 6 * 40, "{within} texels inside, {beyond} lit ones outside");
     }
 }
