@@ -10,7 +10,7 @@ use super::{
 };
 use crate::records::Problem;
 use kiln_proto::{
-    limits,
+    limits, math,
     scene::{AlphaMode, Coding, Texture},
 };
 use std::{borrow::Cow, collections::BTreeMap};
@@ -38,6 +38,8 @@ pub(super) struct Image {
 pub(super) struct Images {
     images: BTreeMap<(String, bool), Option<Image>>,
     bytes: u64,
+    /// Means of textures, with and without alpha.
+    means: BTreeMap<(u32, bool), [f32; 4]>,
     /// The textures.
     pub(super) textures: Vec<Texture>,
 }
@@ -74,6 +76,9 @@ impl Images {
         if let Some(known) = self.known(name, wanted) {
             return known;
         }
+        if self.is_full() {
+            return None;
+        }
         let key = key(name, wanted);
         let place = self.images.get(&key).copied().flatten().map(|image| image.id);
         let bytes = read().map_err(|problem| findings.push_error(problem)).ok();
@@ -99,7 +104,7 @@ impl Images {
         if let Some(known) = self.known(name, wanted) {
             return known;
         }
-        let from = self.textures.get(source as usize)?;
+        let from = self.textures.get(source as usize).filter(|_| !self.is_full())?;
         let texels = from.texels.chunks_exact(from.channels()).flat_map(texel).collect();
         let texture = Texture { name: name.to_owned(), coding: Coding::Linear, has_alpha: false, texels, ..*from };
         let image = self.keep(Decoded { texture, transparent: false }, None, at, findings);
@@ -107,12 +112,23 @@ impl Images {
         image
     }
 
+    /// The means over a texture: red, green and blue in linear light, and alpha, each in [0, 1]; ones where there is no such texture.
+    pub(super) fn mean(&mut self, id: u32) -> [f32; 4] {
+        let Some(texture) = self.textures.get(id as usize) else { return [1.0; 4] };
+        *self.means.entry((id, texture.has_alpha)).or_insert_with(|| mean(texture))
+    }
+
+    /// Whether the textures together were too large already, which was told: nothing more is decoded only to be refused.
+    fn is_full(&self) -> bool {
+        self.bytes > limits::BUNDLE_BYTES
+    }
+
     /// Puts a texture into the list, or in the place of what it was without alpha.
     fn keep(&mut self, decoded: Decoded, place: Option<u32>, at: At<'_>, findings: &mut Findings) -> Option<Image> {
         let Decoded { texture, transparent } = decoded;
         self.bytes += texture.texels.len() as u64;
         self.bytes -= place.map_or(0, |id| self.textures[id as usize].texels.len() as u64);
-        if self.bytes > limits::BUNDLE_BYTES {
+        if self.is_full() {
             findings.error(at, format!("the textures together exceed {} bytes; scale them down", limits::BUNDLE_BYTES));
             return None;
         }
@@ -123,6 +139,24 @@ impl Images {
         }
         Some(Image { id, transparent })
     }
+}
+
+/// The means over a texture's texels, of colours in linear light; alpha is one where it has none.
+fn mean(texture: &Texture) -> [f32; 4] {
+    let linear: [f64; 256] = std::array::from_fn(|v| match texture.coding {
+        Coding::Srgb => f64::from(math::srgb_eotf(v as f32 / 255.0)),
+        Coding::Linear => v as f64 / 255.0,
+    });
+    let mut counts = [[0u64; 256]; 4];
+    for texel in texture.texels.chunks_exact(texture.channels()) {
+        texel.iter().zip(&mut counts).for_each(|(v, of)| of[usize::from(*v)] += 1);
+    }
+    let texels = (u64::from(texture.width) * u64::from(texture.height)).max(1) as f64;
+    let sum = |of: &[u64; 256], value: &dyn Fn(usize) -> f64| of.iter().enumerate().map(|(v, n)| *n as f64 * value(v)).sum::<f64>();
+    let [r, g, b, a] = &counts;
+    let colour = |of: &[u64; 256]| (sum(of, &|v| linear[v]) / texels) as f32;
+    let alpha = if texture.has_alpha { (sum(a, &|v| v as f64 / 255.0) / texels) as f32 } else { 1.0 };
+    [colour(r), colour(g), colour(b), alpha]
 }
 
 fn key(name: &str, wanted: Wanted) -> (String, bool) {
@@ -150,6 +184,9 @@ impl Images {
         let key = (format!("made\n{recipe}"), true);
         if let Some(known) = self.images.get(&key) {
             return *known;
+        }
+        if self.is_full() {
+            return None;
         }
         let image = make(findings).and_then(|decoded| self.keep(decoded, None, at, findings));
         self.images.insert(key, image);
@@ -200,6 +237,21 @@ mod tests {
         assert_eq!(ask(Coding::Srgb, false), (0, true, true));
         assert_eq!((images.textures.len(), images.bytes), (2, 8 + 6));
         assert_eq!((images.textures[0].coding, images.textures[1].coding), (Coding::Srgb, Coding::Linear));
+    }
+
+    #[test]
+    fn means_are_those_of_light() {
+        let (mut images, mut findings) = (Images::default(), Findings::default());
+        let mut push = |coding, has_alpha, texels: &[u8]| {
+            let texture = Texture { name: "t".into(), width: 2, height: 1, coding, has_alpha, texels: texels.to_vec() };
+            images.push(texture, has_alpha, At::file("s"), &mut findings).unwrap().id
+        };
+        let (linear, srgb) =
+            (push(Coding::Linear, false, &[0, 51, 255, 255, 51, 0]), push(Coding::Srgb, true, &[0, 188, 255, 51, 0, 188, 255, 0]));
+        let near = |a: [f32; 4], b: [f32; 4]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 4e-3);
+        assert!(near(images.mean(linear), [0.5, 0.2, 0.5, 1.0]), "{:?}", images.mean(linear));
+        assert!(near(images.mean(srgb), [0.0, 0.5, 1.0, 0.1]), "{:?}", images.mean(srgb));
+        assert_eq!(images.mean(7), [1.0; 4]);
     }
 
     #[test]

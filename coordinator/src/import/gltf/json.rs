@@ -102,6 +102,11 @@ impl<'d> Json<'d> {
         &self.document.text[self.at()..]
     }
 
+    /// A number that no other value of the document has.
+    pub(super) fn id(self) -> u32 {
+        self.entry
+    }
+
     /// What it is.
     pub(super) fn kind(self) -> Kind {
         match self.document.text.as_bytes()[self.at()] {

@@ -3,7 +3,8 @@
 use super::{
     json::Json,
     node::Node,
-    report::{POSITIVE, Report, SHARE},
+    property::{POSITIVE, SHARE},
+    report::Report,
 };
 use crate::import::name::Names;
 use glam::{DMat4, DVec3};

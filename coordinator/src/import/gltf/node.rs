@@ -2,10 +2,7 @@
 //!
 //! Everything here iterates over an order in which parents come before their children; a chain of a million nodes costs no stack.
 
-use super::{
-    json::Json,
-    report::{ANY, Report},
-};
+use super::{json::Json, property::ANY, report::Report};
 use glam::{DMat4, DQuat, DVec3, DVec4};
 
 /// A quaternion whose length is further from one than this was not meant as it stands.
