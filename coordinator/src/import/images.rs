@@ -163,6 +163,11 @@ fn key(name: &str, wanted: Wanted) -> (String, bool) {
     (name.to_owned(), wanted.coding == Coding::Linear)
 }
 
+/// No path has a line break, so a recipe is no file.
+fn made_key(recipe: &str) -> (String, bool) {
+    (format!("made\n{recipe}"), true)
+}
+
 /// Share of an image's transparent pixels that may be half transparent in an image meant to be cut out.
 const CUT_OUT: usize = 20;
 
@@ -172,25 +177,16 @@ impl Images {
         self.keep(Decoded { texture, transparent }, None, at, findings)
     }
 
-    /// A texture that an importer makes of others, once for each `recipe`; `None` where that failed, which `make` says.
-    pub(super) fn made(
-        &mut self,
-        recipe: &str,
-        at: At<'_>,
-        findings: &mut Findings,
-        make: impl FnOnce(&mut Findings) -> Option<Decoded>,
-    ) -> Option<Image> {
-        // No path has a line break, so a recipe is no file.
-        let key = (format!("made\n{recipe}"), true);
-        if let Some(known) = self.images.get(&key) {
-            return *known;
-        }
-        if self.is_full() {
-            return None;
-        }
-        let image = make(findings).and_then(|decoded| self.keep(decoded, None, at, findings));
-        self.images.insert(key, image);
+    /// Adds what an importer made of other images by a recipe, or could not make, which it said.
+    pub(super) fn keep_made(&mut self, recipe: &str, made: Option<Decoded>, at: At<'_>, findings: &mut Findings) -> Option<Image> {
+        let image = made.and_then(|decoded| self.keep(decoded, None, at, findings));
+        self.images.insert(made_key(recipe), image);
         image
+    }
+
+    /// What an importer made by a recipe before; nothing, where the textures are too large already. `None` where it has to be made.
+    pub(super) fn known_made(&self, recipe: &str) -> Option<Option<Image>> {
+        self.images.get(&made_key(recipe)).copied().or_else(|| self.is_full().then_some(None))
     }
 
     /// How opacity is meant where a file does not say: a factor below one blends, an image that is nearly all or nothing is cut out at

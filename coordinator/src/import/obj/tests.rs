@@ -12,6 +12,7 @@ use kiln_proto::{
 use std::io::Cursor;
 
 mod looks;
+mod pictures;
 
 const SQUARE: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n";
 /// A roof: two squares that meet in an edge at a right angle.
