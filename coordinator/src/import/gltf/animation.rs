@@ -119,15 +119,18 @@ fn apply_channel(
         return report
             .error(target, format!("{wanted} values of type {kind} are expected for `{path}`; there are {count} of type {found}"));
     }
-    if path != "weights" && matches!(node.local, Local::Matrix(_)) && node.json.get("matrix").is_some() {
+    if path != "weights" && node.json.get("matrix").is_some() {
         return report.error(target, format!("node {index} has a `matrix`, so its {path} cannot be animated"));
     }
     let Some(time) = time else { return };
     let moment = sampler.moment(accessors, time);
     let value = |k: usize| -> [f64; 4] { sampler.value(accessors, moment, width, k, path == "rotation") };
     let node = &mut graph.nodes[index];
-    match (path.as_ref(), &mut node.local) {
-        ("weights", _) => node.weights = Some((0..width).map(|k| value(k)[0]).collect()),
+    if path == "weights" {
+        node.weights = Some((0..width).map(|k| value(k)[0]).collect());
+        return;
+    }
+    match (path.as_ref(), node.local()) {
         ("translation", Local::Parts { translation, .. }) => *translation = DVec3::from_slice(&value(0)),
         ("scale", Local::Parts { scale, .. }) => *scale = DVec3::from_slice(&value(0)),
         ("rotation", Local::Parts { rotation, .. }) => *rotation = unit(DQuat::from_array(value(0))),

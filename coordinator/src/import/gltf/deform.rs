@@ -100,7 +100,7 @@ impl Shape {
         report: &mut Report<'_>,
     ) -> Option<Moved> {
         let inverse = |i: usize| skin.inverse_bind.map_or(DMat4::IDENTITY, |m| DMat4::from_cols_array(&m.get(&accessors.buffers, i)));
-        let joints: Vec<DMat4> = skin.joints.iter().enumerate().map(|(i, node)| graph.nodes[*node].world * inverse(i)).collect();
+        let joints: Vec<DMat4> = skin.joints.iter().enumerate().map(|(i, node)| *graph.nodes[*node].world * inverse(i)).collect();
         let (mut mirrored, mut unbound) = (0, 0);
         for vertex in 0..self.positions.len() {
             let blended = match blend(primitive, vertex, &joints, accessors) {

@@ -40,7 +40,7 @@ impl<'s, 'd> Instances<'s, 'd> {
             report.error(attributes, format!("translations, rotations and scales of instances differ in number: {counts:?}"));
             return None;
         }
-        if node.skin.is_some() {
+        if node.skin().is_some() {
             report.error(extension, "a skinned mesh cannot be instanced");
             return None;
         }

@@ -107,7 +107,7 @@ pub(super) fn cameras(list: &[Json<'_>], nodes: &[&Node<'_>], report: &mut Repor
     let lenses: Vec<Option<Lens>> = list.iter().map(|json| lens(*json, report)).collect();
     let mut cameras = vec![];
     for node in nodes {
-        let Some((index, Some(lens))) = node.camera.map(|i| (i, lenses[i])) else { continue };
+        let Some((index, Some(lens))) = node.camera().map(|i| (i, lenses[i])) else { continue };
         if cameras.len() >= limits::LIGHTS {
             report.error(node.json, format!("the scene has more than {} cameras", limits::LIGHTS));
             break;
@@ -154,7 +154,7 @@ fn name_of(json: Json<'_>) -> Option<String> {
 
 /// Where a node stands and its axes, made orthonormal around its Z axis; those of the world where it has none.
 fn frame(node: &Node<'_>, report: &mut Report<'_>) -> (DVec3, [DVec3; 3]) {
-    let world: DMat4 = node.world;
+    let world: DMat4 = *node.world;
     let back = world.z_axis.truncate().try_normalize().filter(|v| v.is_finite()).unwrap_or(DVec3::Z);
     let raw = world.y_axis.truncate();
     let up = [raw, DVec3::Y, DVec3::X].into_iter().find_map(|up| {

@@ -9,7 +9,7 @@ use std::{borrow::Cow, collections::BTreeSet, ops::RangeInclusive};
 
 /// Integers up to here are exact in a JSON number (IEEE 754 binary64).
 const EXACT: f64 = 9_007_199_254_740_992.0;
-/// Entries of one list: what they become in memory is a hundred times what the shortest of them takes in the file.
+/// Entries of one list: what they become in memory is forty times what the shortest of them takes in the file.
 const LIST: usize = 1 << 20;
 /// Any number that an f32 holds.
 pub(super) const ANY: RangeInclusive<f64> = -(f32::MAX as f64)..=f32::MAX as f64;

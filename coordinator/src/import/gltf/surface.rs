@@ -65,7 +65,7 @@ impl Surfaces {
         materials: &mut Materials<'_, '_>,
         report: &mut Report<'_>,
     ) -> Option<()> {
-        let Some(index) = node.mesh else { return Some(()) };
+        let Some(index) = node.mesh() else { return Some(()) };
         let mesh = &source.meshes[index];
         let copies = Instances::of(node, source.accessors, report)?;
         self.count(node, mesh, copies.count, source, report)?;
@@ -73,7 +73,7 @@ impl Surfaces {
         for copy in 0..copies.count {
             let copy = copies.matrix(copy, source.accessors);
             for primitive in &mesh.primitives {
-                let placed = place(node, node.world * copy, mesh, primitive, source, report)?;
+                let placed = place(node, *node.world * copy, mesh, primitive, source, report)?;
                 let chosen = materials.choose(primitive.material, mean(&placed.colors), placed.moved.stretch, report);
                 let wanted = match mesh.primitives.len() {
                     1 => name.clone(),
@@ -103,8 +103,8 @@ impl Surfaces {
                 return None;
             }
         }
-        let weights = node.weights.as_ref().unwrap_or(&mesh.weights);
-        let joints = node.skin.map_or(0, |skin| source.skins[skin].joint_count() as u64);
+        let weights = node.weights.as_deref().unwrap_or(&mesh.weights);
+        let joints = node.skin().map_or(0, |skin| source.skins[skin].joint_count() as u64);
         let each = mesh.primitives.iter().map(|p| p.work(weights).saturating_add(joints)).fold(0, u64::saturating_add);
         self.read = self.read.saturating_add(each.saturating_mul(copies as u64));
         let of_bytes = source.accessors.buffers.total().saturating_mul(READ_PER_BYTE);
@@ -188,19 +188,19 @@ fn place<'p, 's, 'd>(
     report: &mut Report<'_>,
 ) -> Option<Placed<'p, 's, 'd>> {
     let (accessors, json) = (source.accessors, primitive.json);
-    let weights = node.weights.as_ref().unwrap_or(&mesh.weights);
+    let weights = node.weights.as_deref().unwrap_or(&mesh.weights);
     if !weights.is_empty() && weights.len() != primitive.targets.len() {
         let message = format!("{} weights are given for the {} morph targets of the mesh", weights.len(), primitive.targets.len());
         report.error(node.json, message);
         return None;
     }
-    match (node.skin.is_some(), !primitive.influences.is_empty()) {
+    match (node.skin().is_some(), !primitive.influences.is_empty()) {
         (true, false) => report.count(node.json, "nodes have a skin, but their meshes have no joints; they were not bent"),
         (false, true) => report.count(json, "primitives have joints, but their nodes have no skin; they were not bent"),
         _ => {}
     }
     let mut shape = Shape::read(primitive, weights, accessors);
-    let moved = match node.skin.filter(|_| !primitive.influences.is_empty()) {
+    let moved = match node.skin().filter(|_| !primitive.influences.is_empty()) {
         Some(skin) => shape.bend(primitive, &source.skins[skin], source.graph, accessors, report)?,
         None => shape.place(world),
     };
