@@ -30,11 +30,13 @@ pub(super) struct Materials<'a, 'd> {
     pub(super) textures: Textures<'a, 'd>,
     list: Vec<Json<'d>>,
     converted: BTreeMap<Option<usize>, Converted>,
-    /// The canonical materials by the file's and what a node makes of it: a tint, and how much it stretches a volume.
-    ids: BTreeMap<(Option<usize>, Option<[u32; 3]>, Option<u32>), u32>,
+    ids: BTreeMap<Variant, u32>,
     /// Canonical materials.
     pub(super) materials: Vec<Material>,
 }
+
+/// A canonical material by the file's and what a node makes of it: a tint, and how much it stretches a volume.
+type Variant = (Option<usize>, Option<[u32; 3]>, Option<u32>);
 
 /// A material as far as the scene can hold it.
 #[derive(Debug, Clone)]

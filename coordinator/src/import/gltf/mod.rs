@@ -8,6 +8,7 @@
 
 mod accessor;
 mod animation;
+mod attribute;
 mod buffer;
 mod container;
 mod deform;

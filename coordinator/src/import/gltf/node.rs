@@ -10,6 +10,9 @@ use std::rc::Rc;
 /// A quaternion whose length is further from one than this was not meant as it stands.
 const UNIT: f64 = 1e-3;
 
+/// How far the last row of an affine matrix may be from what it should be: the rounding of programs that multiply in single precision.
+const LAST_ROW: f64 = 1e-5;
+
 /// How a node stands within its parent.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Local {
@@ -225,9 +228,13 @@ fn local(json: Json<'_>, report: &mut Report<'_>) -> Local {
         if let Some(name) = parts {
             report.error(json, format!("the node has both `matrix` and `{name}`; it may have one of them"));
         }
-        let matrix = DMat4::from_cols_array(&matrix);
-        if matrix.row(3) != DVec4::W {
+        let mut matrix = DMat4::from_cols_array(&matrix);
+        let off = (matrix.row(3) - DVec4::W).abs().max_element();
+        if off > LAST_ROW {
             report.error(json, "the last row of `matrix` must be 0, 0, 0, 1");
+        } else if off > 0.0 {
+            report.count(json, "matrices whose last row is 0, 0, 0, 1 but for rounding (taken as that)");
+            (matrix.x_axis.w, matrix.y_axis.w, matrix.z_axis.w, matrix.w_axis.w) = (0.0, 0.0, 0.0, 1.0);
         }
         let (x, y, z) = (matrix.x_axis.truncate(), matrix.y_axis.truncate(), matrix.z_axis.truncate());
         let skewed = |a: DVec3, b: DVec3| a.dot(b).abs() > 1e-3 * (a.length() * b.length()).max(f64::MIN_POSITIVE);

@@ -9,6 +9,8 @@ use std::{borrow::Cow, collections::BTreeSet, ops::RangeInclusive};
 
 /// Integers up to here are exact in a JSON number (IEEE 754 binary64).
 const EXACT: f64 = 9_007_199_254_740_992.0;
+/// How far out of its range a number may lie that went through single precision and back.
+const ROUNDING: f64 = 1e-6;
 /// Entries of one list: what they become in memory is forty times what the shortest of them takes in the file.
 const LIST: usize = 1 << 20;
 /// Any number that an f32 holds.
@@ -32,6 +34,10 @@ impl Report<'_> {
     pub(super) fn number_at(&mut self, json: Json<'_>, range: &RangeInclusive<f64>) -> Option<f64> {
         match json.number() {
             Some(v) if range.contains(&v) => return Some(v),
+            Some(v) if v >= range.start() - ROUNDING && v <= range.end() + ROUNDING => {
+                self.count(json, "values that rounding put out of range were brought back");
+                return Some(v.clamp(*range.start(), *range.end()));
+            }
             Some(v) if v.abs() > EXACT => self.error(json, format!("the value {v:e} is out of range; {}", allowed(range))),
             Some(v) => self.error(json, format!("the value {v} is out of range; {}", allowed(range))),
             None => self.error(json, format!("this is {}, not a number", named(json.kind()))),

@@ -11,6 +11,7 @@ mod map;
 mod material;
 mod mtl;
 mod pictures;
+mod polypaint;
 mod raw;
 mod scan;
 mod shade;

@@ -73,6 +73,7 @@ pub(super) fn scan(file: &str, text: &str, findings: &mut Findings) -> Scan {
             break;
         }
     }
+    scanner.out.vertices.paint(file, text, scanner.findings);
     scanner.finish();
     scanner.out
 }

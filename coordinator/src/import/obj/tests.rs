@@ -11,6 +11,7 @@ use kiln_proto::{
 };
 use std::io::Cursor;
 
+mod exporters;
 mod looks;
 mod pictures;
 
