@@ -166,6 +166,12 @@ impl<'a> Materials<'a> {
             findings.warn(at, format!("the material `{name}` is invisible: its opacity is 0"));
         }
         let texture = match named(raw, Role::Opacity) {
+            Some(map) if base.is_some_and(|(image, _)| !image.transparent) && is_colour_again(raw, map) => {
+                let message =
+                    format!("map_d is the picture of map_Kd, `{}`, which has no transparent pixels; it was ignored", map.map.file);
+                findings.warn(map.at, message);
+                None
+            }
             Some(map) => self.pictures.opacity(map, findings),
             None => base,
         };
@@ -214,6 +220,12 @@ fn lobe(raw: &RawMaterial, specular: Rgb) -> Lobe {
         Some(3 | 5) if exponent.is_none_or(|n| n >= MIRROR_EXPONENT) && !specular.is_black() => Lobe::Mirror,
         _ => Lobe::Phong { exponent: exponent.unwrap_or(1.0) },
     }
+}
+
+/// Whether a map of opacity is the picture of the colour as it is: exporters name it so for its alpha channel, whether it has one or not.
+fn is_colour_again(raw: &RawMaterial, opacity: Named<'_>) -> bool {
+    let is_same = raw.map(Role::Diffuse).is_some_and(|(_, colour)| colour.file == opacity.map.file);
+    is_same && opacity.map.channel.is_none() && opacity.map.range.is_none()
 }
 
 fn is_physical(raw: &RawMaterial) -> bool {

@@ -103,6 +103,10 @@ impl Scanner<'_> {
             "f" | "fo" => self.face(line, rest),
             "o" => self.now.object = self.name(line, rest),
             "g" => self.now.group = self.name(line, rest),
+            "usemtl" if rest.len() > limits::NAME_BYTES => {
+                let (found, most) = (rest.len(), limits::NAME_BYTES);
+                self.error(line, format!("the name has {found} bytes; those of materials have at most {most}"));
+            }
             "usemtl" => self.now.material = self.name(line, rest),
             "s" => self.now.smoothing = self.smoothing(line, rest),
             "mtllib" => self.library(line, rest),
@@ -120,12 +124,9 @@ impl Scanner<'_> {
         self.findings.error(At::line(self.file, line), message);
     }
 
-    /// The id of a name; `None` for an empty one.
+    /// The id of a name; `None` for an empty one. Groups have names of any length: CAD programs list all assemblies around a part, and
+    /// surfaces are called by the beginning.
     fn name(&mut self, line: u32, rest: &str) -> Option<usize> {
-        if rest.len() > limits::NAME_BYTES {
-            self.error(line, format!("the name has {} bytes; at most {} are allowed", rest.len(), limits::NAME_BYTES));
-            return None;
-        }
         if rest.is_empty() {
             return None;
         }

@@ -48,6 +48,35 @@ fn harmless_slips_of_mtl_are_repaired() {
     assert_eq!(said, expected);
 }
 
+/// The colour's picture named again for opacity: it counts by its alpha channel, never by its brightness.
+#[test]
+fn the_colour_s_picture_is_no_opacity_by_its_brightness() {
+    let look = |alpha: u8, map: &str| {
+        let mut out = Cursor::new(vec![]);
+        DynamicImage::from(RgbaImage::from_pixel(1, 1, Rgba([99, 9, 9, alpha]))).write_to(&mut out, ImageFormat::Png).unwrap();
+        let mtl = format!("newmtl m\nKe 1\nmap_Kd x.png\nmap_d {map}\n");
+        let obj = format!("mtllib m.mtl\n{SQUARE}usemtl m\nf 1/1 2/2 3/3\n");
+        let (scene, said) = said(vec![file("a.obj", obj), file("m.mtl", mtl), file("x.png", out.into_inner())]);
+        (scene.materials[0].opacity, said)
+    };
+    let (opaque, said) = look(255, "x.png");
+    assert_eq!((opaque, said.len()), (Opacity::OPAQUE, 1));
+    assert!(said[0].starts_with("m.mtl:4: map_d is the picture of map_Kd, `x.png`, which has no transparent pixels"), "{said:?}");
+    assert_eq!(look(99, "x.png").0.mode, AlphaMode::Blend);
+    assert_eq!(look(255, "-imfchan r x.png").0.mode, AlphaMode::Blend, "a channel that is asked for counts");
+}
+
+/// CAD programs write the whole tree of assemblies behind `g`.
+#[test]
+fn groups_have_names_of_any_length() {
+    let long = "assembly ".repeat(300);
+    let (scene, said) = geometry(&format!("{SQUARE}g {long}a\nf 1 2 3\ng {long}b\nf 1 3 4\n"));
+    assert_eq!((scene.surfaces.len(), said), (2, vec![]));
+    assert!(scene.surfaces.iter().all(|s| s.name.starts_with("assembly assembly") && s.name.len() < 200));
+    let errors = import_parts(vec![file("a.obj", format!("{SQUARE}usemtl {long}\nf 1 2 3\n"))]).unwrap_err();
+    assert!(errors[0].starts_with("a.obj:9: the name has 2699 bytes; those of materials have at most 1024"), "{errors:?}");
+}
+
 #[test]
 fn zbrush_paints_in_comments() {
     let text = |paint: &str| format!("v 0 0 0\nv 1 0 0\nv 0 1 0\n#MRGB {paint}\n# End of MRGB block\nf 1 2 3\n");
