@@ -13,7 +13,10 @@ use kiln_proto::{
     limits, math,
     scene::{AlphaMode, Coding, Texture},
 };
-use std::{borrow::Cow, collections::BTreeMap};
+use std::{
+    borrow::Cow,
+    collections::{BTreeMap, BTreeSet},
+};
 
 /// What an image is wanted for.
 #[derive(Debug, Clone, Copy)]
@@ -38,6 +41,8 @@ pub(super) struct Image {
 pub(super) struct Images {
     images: BTreeMap<(String, bool), Option<Image>>,
     bytes: u64,
+    /// Which textures are meant to be cut out.
+    cut_outs: BTreeSet<u32>,
     /// Means of textures, with and without alpha.
     means: BTreeMap<(u32, bool), [f32; 4]>,
     /// The textures.
@@ -133,6 +138,9 @@ impl Images {
             return None;
         }
         let id = place.unwrap_or(self.textures.len() as u32);
+        if transparent && is_cut_out(&texture) {
+            self.cut_outs.insert(id);
+        }
         match self.textures.get_mut(id as usize) {
             Some(slot) => *slot = texture,
             None => self.textures.push(texture),
@@ -161,6 +169,12 @@ fn mean(texture: &Texture) -> [f32; 4] {
 
 fn key(name: &str, wanted: Wanted) -> (String, bool) {
     (name.to_owned(), wanted.coding == Coding::Linear)
+}
+
+/// Whether a texture's alpha is nearly all or nothing. Asked once for each texture: a thousand materials may share it.
+fn is_cut_out(texture: &Texture) -> bool {
+    let alphas = || texture.texels.chunks_exact(4).map(|p| p[3]).filter(|a| *a < 255);
+    texture.has_alpha && alphas().filter(|a| (16..240).contains(a)).count() * CUT_OUT <= alphas().count()
 }
 
 /// No path has a line break, so a recipe is no file.
@@ -194,16 +208,10 @@ impl Images {
     pub(super) fn alpha_mode(&self, factor: f32, image: Option<Image>, cutoff: f32) -> AlphaMode {
         match image.filter(|i| i.transparent) {
             _ if factor < 1.0 => AlphaMode::Blend,
-            Some(image) if self.is_cut_out(image) => AlphaMode::Mask { cutoff },
+            Some(image) if self.cut_outs.contains(&image.id) => AlphaMode::Mask { cutoff },
             Some(_) => AlphaMode::Blend,
             None => AlphaMode::Opaque,
         }
-    }
-
-    fn is_cut_out(&self, image: Image) -> bool {
-        let texture = &self.textures[image.id as usize];
-        let alphas = || texture.texels.chunks_exact(4).map(|p| p[3]).filter(|a| *a < 255);
-        texture.has_alpha && alphas().filter(|a| (16..240).contains(a)).count() * CUT_OUT <= alphas().count()
     }
 }
 
@@ -270,6 +278,8 @@ mod tests {
             images.push(texture, alphas != [255; 4], At::file("s"), &mut Findings::default())
         };
         let (cut, soft, whole) = (image([0, 255, 3, 255]), image([0, 128, 255, 255]), image([255; 4]));
+        // Known since they were decoded: materials that share a picture do not look at it again.
+        images.textures.iter_mut().for_each(|t| t.texels.fill(128));
         let mode = |factor, image| images.alpha_mode(factor, image, 0.5);
         assert_eq!((mode(1.0, cut), mode(1.0, soft)), (AlphaMode::Mask { cutoff: 0.5 }, AlphaMode::Blend));
         assert_eq!((mode(1.0, whole), mode(1.0, None)), (AlphaMode::Opaque, AlphaMode::Opaque));

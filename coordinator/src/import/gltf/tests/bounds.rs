@@ -39,6 +39,23 @@ fn key_frames_that_do_not_rise_are_found_once_for_all_samplers() {
     assert!(early.error().contains("time 0 is -1"));
 }
 
+/// Each of these nodes would have weights of its own: a gigabyte from a hundred kilobytes.
+#[test]
+fn animated_weights_are_counted() {
+    let mut sample = Sample::triangle();
+    let times = sample.floats("SCALAR", &[0.0]);
+    let values = sample.push("accessors", json!({ "componentType": 5126, "type": "SCALAR", "count": 15_000 }));
+    let nodes: Vec<Value> = (0..100).map(|_| json!({})).collect();
+    sample.json["nodes"].as_array_mut().unwrap().extend(nodes);
+    let channels: Vec<Value> = (1..=100).map(|node| json!({ "sampler": 0, "target": { "node": node, "path": "weights" } })).collect();
+    sample.push("animations", json!({ "samplers": [{ "input": times, "output": values }], "channels": channels }));
+    let padding = " ".repeat(60_000);
+    let at = |time| outcome(&[("a.gltf", format!("{}{padding}", sample.text()).as_bytes())], time);
+    assert_eq!(at(None).errors, [""; 0]);
+    let errors = at(Some(0.0)).errors;
+    assert!(errors[0].contains("/animations/0/channels/69/target: with its 15000 weights the channels have more"), "{errors:?}");
+}
+
 /// One triangle of 20,000 vertices, copied and morphed: few triangles, and much to read.
 #[test]
 fn vertices_that_no_triangle_uses_are_not_read_without_end() {
