@@ -203,6 +203,9 @@ impl Reader<'_> {
         if map.bump.is_some_and(|b| b != 1.0) && !matches!(role, Role::Bump | Role::Normal) {
             map.ignored.push("-bm".to_owned());
         }
+        if is_number || role == Role::Normal {
+            map.ignored.retain(|option| !option.starts_with("-colorspace"));
+        }
         for option in &map.ignored {
             let message = format!("the option `{option}` of {word} is not supported and was ignored");
             self.findings.warn(At::line(self.file.as_str(), line), message);

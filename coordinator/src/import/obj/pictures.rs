@@ -194,6 +194,9 @@ impl<'b> Pictures<'b> {
             return Some(decoded.clone());
         }
         self.last = None;
+        if findings.is_full() {
+            return None;
+        }
         let bytes = self.bundle.read(path, limits::BUNDLE_BYTES).map_err(|problem| findings.push_error(problem)).ok()?;
         let decoded = texture::decode(path.as_str(), &bytes, Coding::Linear, true);
         let decoded = Rc::new(decoded.map_err(|e| findings.error(at, format!("the image `{path}` {e}"))).ok()?);

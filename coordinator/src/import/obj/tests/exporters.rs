@@ -66,6 +66,18 @@ fn the_colour_s_picture_is_no_opacity_by_its_brightness() {
     assert_eq!(look(255, "-imfchan r x.png").0.mode, AlphaMode::Blend, "a channel that is asked for counts");
 }
 
+/// tinyobjloader's option: what it says of numbers is so anyway, and colours are sRGB.
+#[test]
+fn the_space_of_colours_is_no_part_of_a_name() {
+    let mut out = Cursor::new(vec![]);
+    DynamicImage::from(RgbaImage::from_pixel(1, 1, Rgba([99; 4]))).write_to(&mut out, ImageFormat::Png).unwrap();
+    let mtl = "newmtl m\nKe 1\nmap_Kd -colorspace sRGB x.png\nmap_Pr -colorspace linear x.png\nmap_Ke -colorspace linear x.png\n";
+    let obj = format!("mtllib m.mtl\n{SQUARE}usemtl m\nf 1/1 2/2 3/3\n");
+    let (_, said) = said(vec![file("a.obj", obj), file("m.mtl", mtl), file("x.png", out.into_inner())]);
+    let odd: Vec<&String> = said.iter().filter(|w| w.contains("option")).collect();
+    assert!(odd.len() == 1 && odd[0].starts_with("m.mtl:5: the option `-colorspace linear` of map_Ke"), "{said:?}");
+}
+
 /// CAD programs write the whole tree of assemblies behind `g`.
 #[test]
 fn groups_have_names_of_any_length() {
