@@ -14,8 +14,8 @@ use glam::{DQuat, DVec3};
 use kiln_proto::math;
 use std::collections::BTreeSet;
 
-/// Weights of morph targets that are computed in any file, and the bytes of the buffers that each further one takes: those of an honest channel
-/// have their own values there.
+/// Weights of morph targets that are computed in any file, and the bytes of the buffers that each further one takes: those of an honest
+/// channel have their own values there.
 const WEIGHTS: u64 = 1 << 20;
 const BYTES_PER_WEIGHT: u64 = 4;
 

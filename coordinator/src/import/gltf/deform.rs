@@ -84,7 +84,7 @@ impl Shape {
 
     /// Takes it to world space.
     pub(super) fn place(&mut self, world: DMat4) -> Moved {
-        let of_normals = for_normals(&DMat3::from_mat4(world));
+        let of_normals = for_normals(DMat3::from_mat4(world));
         self.positions.iter_mut().for_each(|p| *p = world.transform_point3(*p));
         self.normals.iter_mut().for_each(|n| *n = of_normals * *n);
         Moved { mirrored: DMat3::from_mat4(world).determinant() < 0.0, stretch: stretch(&world) }
@@ -119,7 +119,7 @@ impl Shape {
             mirrored += usize::from(linear.determinant() < 0.0);
             self.positions[vertex] = blended.transform_point3(self.positions[vertex]);
             if let Some(normal) = self.normals.get_mut(vertex) {
-                *normal = for_normals(&linear) * *normal;
+                *normal = for_normals(linear) * *normal;
             }
         }
         report.count_many(primitive.json, "vertices whose joints have no weight were left in their bind pose", unbound);

@@ -8,7 +8,6 @@
 
 mod accessor;
 mod animation;
-mod attribute;
 mod buffer;
 mod container;
 mod deform;

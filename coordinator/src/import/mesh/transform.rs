@@ -29,7 +29,7 @@ impl Mesh {
         }
         let linear = DMat3::from_mat4(*matrix);
         let mirrors = linear.determinant() < 0.0;
-        let turned = for_normals(&linear);
+        let turned = for_normals(linear);
         for n in self.normals.iter_mut().flat_map(|c| &mut c.values) {
             if let Some(moved) = (turned * Vec3::from_array(*n).as_dvec3()).try_normalize() {
                 *n = moved.as_vec3().to_array();
@@ -45,9 +45,9 @@ impl Mesh {
 /// What takes normals along with a linear map: its inverse transpose up to a positive factor, without a division, and so also where a side
 /// is flattened; outside stays outside in a mirror. The map is scaled to size one first, so that a scene in nanometres does not underflow.
 #[must_use]
-pub fn for_normals(m: &DMat3) -> DMat3 {
+pub fn for_normals(m: DMat3) -> DMat3 {
     let size = m.to_cols_array().iter().fold(0.0, |a: f64, x| a.max(x.abs()));
-    let m = if size > 0.0 { *m * (1.0 / size) } else { *m };
+    let m = if size > 0.0 { m * (1.0 / size) } else { m };
     let sign = if m.determinant() < 0.0 { -1.0 } else { 1.0 };
     DMat3::from_cols(m.y_axis.cross(m.z_axis), m.z_axis.cross(m.x_axis), m.x_axis.cross(m.y_axis)) * sign
 }
@@ -110,11 +110,11 @@ mod tests {
         let m = DMat3::from_cols(DVec3::new(-2.0, 0.1, 0.0), DVec3::new(0.3, 0.5, 0.2), DVec3::new(0.0, 0.7, 3.0)) * 1e-120;
         let (a, b) = (DVec3::new(1.0, 2.0, 0.5), DVec3::new(-0.5, 0.25, 1.0));
         let normal = a.cross(b);
-        let moved = for_normals(&m) * normal;
+        let moved = for_normals(m) * normal;
         assert!((moved.dot(m * a) * 1e120).abs() < 1e-12 && (moved.dot(m * b) * 1e120).abs() < 1e-12);
         assert!(moved.dot((m * 1e120).inverse().transpose() * normal) > 0.0, "outside stays outside, also in a mirror");
         let flat = DMat3::from_diagonal(DVec3::new(1.0, 1.0, 0.0));
-        assert_eq!((for_normals(&flat) * DVec3::Z).normalize(), DVec3::Z);
+        assert_eq!((for_normals(flat) * DVec3::Z).normalize(), DVec3::Z);
         assert!((stretch(&DMat4::from_scale(DVec3::new(1.0, -2.0, 6.0))) - 3.0).abs() < 1e-12);
     }
 

@@ -1,7 +1,7 @@
 //! ZBrush's polypaint: colours of all vertices in comments, `#MRGB` and eight digits for each (mask, red, green, blue), 64 a line.
 //!
-//! A comment means nothing to the format, but this is the only place where that program writes its colours, and whoever exports them wants them.
-//! Masks say where sculpting is forbidden and are left out.
+//! A comment means nothing to the format, but this is the only place where that program writes its colours, and whoever exports them wants
+//! them. Masks say where sculpting is forbidden and are left out.
 
 use crate::import::findings::{At, Findings};
 

@@ -111,8 +111,8 @@ impl Vertices {
             let step = f64::from(far.next_up()) - f64::from(far);
             if step * STEPS > size && size > 0.0 {
                 let message = format!(
-                    "along {axis} the vertices lie {far} from the origin, where numbers of 32 bits are {step} apart, and the model is {size} long: \
-                     its shape suffers; move it to the origin before it is exported"
+                    "along {axis} the vertices lie {far} from the origin, where numbers of 32 bits are {step} apart, and the model is {size} \
+                     long: its shape suffers; move it to the origin before it is exported"
                 );
                 findings.warn(At::file(file), message);
             }
