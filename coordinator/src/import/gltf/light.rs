@@ -46,7 +46,7 @@ pub(super) fn lights(root: Json<'_>, nodes: &[&Node<'_>], report: &mut Report<'_
             report.error(extension, format!("the scene has more than {} lights", limits::LIGHTS));
             break;
         }
-        let name = [node.json, list[index]].into_iter().find_map(name_of).unwrap_or_else(|| format!("light{index}"));
+        let name = [node.json, list[index]].into_iter().find_map(Json::name).unwrap_or_else(|| format!("light{index}"));
         lights.push(lamp.place(names.take(&name), node, report));
     }
     lights
@@ -112,7 +112,7 @@ pub(super) fn cameras(list: &[Json<'_>], nodes: &[&Node<'_>], report: &mut Repor
             report.error(node.json, format!("the scene has more than {} cameras", limits::LIGHTS));
             break;
         }
-        let name = [node.json, list[index]].into_iter().find_map(name_of).unwrap_or_else(|| format!("camera{index}"));
+        let name = [node.json, list[index]].into_iter().find_map(Json::name).unwrap_or_else(|| format!("camera{index}"));
         let (eye, [_, up, back]) = frame(node, report);
         cameras.push(Camera { name, eye: single(eye), forward: single(-back), up: single(up), lens });
     }
@@ -146,10 +146,6 @@ fn lens(json: Json<'_>, report: &mut Report<'_>) -> Option<Lens> {
             None
         }
     }
-}
-
-fn name_of(json: Json<'_>) -> Option<String> {
-    json.get("name")?.string().filter(|n| !n.trim().is_empty()).map(|n| n.chars().take(limits::NAME_BYTES / 4).collect())
 }
 
 /// Where a node stands and its axes, made orthonormal around its Z axis; those of the world where it has none.

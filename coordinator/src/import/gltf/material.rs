@@ -79,8 +79,7 @@ impl<'a, 'd> Materials<'a, 'd> {
     /// The name of a material.
     pub(super) fn name(&self, index: Option<usize>) -> String {
         let Some(index) = index else { return "default".to_owned() };
-        let name = self.list.get(index).and_then(|json| json.get("name")?.string());
-        name.filter(|n| !n.trim().is_empty()).map_or_else(|| format!("material{index}"), |n| n.into_owned())
+        self.list.get(index).and_then(|json| json.name()).unwrap_or_else(|| format!("material{index}"))
     }
 
     /// The material of a primitive. `tint` is the mean of its vertex colours, for materials that cannot take them vertex by vertex; `stretch`

@@ -252,6 +252,5 @@ fn say_what_is_missing(placed: &Placed<'_, '_, '_>, chosen: &Chosen, report: &mu
 
 /// The name of a node, else of its mesh, else a number.
 fn surface_name(node: Json<'_>, mesh: Json<'_>, index: usize) -> String {
-    let named = [node, mesh].into_iter().find_map(|json| json.get("name")?.string().filter(|n| !n.trim().is_empty()));
-    named.map_or_else(|| format!("mesh{index}"), |name| name.into_owned())
+    [node, mesh].into_iter().find_map(Json::name).unwrap_or_else(|| format!("mesh{index}"))
 }
