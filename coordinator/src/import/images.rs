@@ -45,6 +45,9 @@ pub(super) struct Images {
     cut_outs: BTreeSet<u32>,
     /// Means of textures, with and without alpha.
     means: BTreeMap<(u32, bool), [f32; 4]>,
+    /// Means of images that are no textures of the scene, by name and coding, and the bytes that were decoded for them.
+    measured: BTreeMap<(String, bool), Option<[f32; 4]>>,
+    measured_bytes: u64,
     /// The textures.
     pub(super) textures: Vec<Texture>,
 }
@@ -121,6 +124,38 @@ impl Images {
     pub(super) fn mean(&mut self, id: u32) -> [f32; 4] {
         let Some(texture) = self.textures.get(id as usize) else { return [1.0; 4] };
         *self.means.entry((id, texture.has_alpha)).or_insert_with(|| mean(texture))
+    }
+
+    /// The means (as [`Images::mean`] has them, without alpha) over an image that does not become a texture of the scene; `None` where it was
+    /// refused, or where more has been decoded for such means than the textures of a scene may have.
+    pub(super) fn measure<'b>(
+        &mut self,
+        name: &str,
+        coding: Coding,
+        at: At<'_>,
+        findings: &mut Findings,
+        read: impl FnOnce() -> Result<Cow<'b, [u8]>, Problem>,
+    ) -> Option<[f32; 4]> {
+        let wanted = Wanted { coding, alpha: false };
+        if let Some(known) = self.known(name, wanted) {
+            return known.map(|image| self.mean(image.id));
+        }
+        let key = key(name, wanted);
+        if let Some(known) = self.measured.get(&key) {
+            return *known;
+        }
+        if self.measured_bytes > limits::BUNDLE_BYTES || findings.is_full() {
+            return None;
+        }
+        let bytes = read().map_err(|problem| findings.push_error(problem)).ok();
+        let decoded = bytes.and_then(|bytes| {
+            let decoded = texture::decode(name, &bytes, coding, false);
+            decoded.map_err(|e| findings.error(at, format!("the image `{name}` {e}"))).ok()
+        });
+        self.measured_bytes += decoded.as_ref().map_or(0, |decoded| decoded.texture.texels.len() as u64);
+        let mean = decoded.map(|decoded| mean(&decoded.texture));
+        self.measured.insert(key, mean);
+        mean
     }
 
     /// Whether the textures together were too large already, which was told: nothing more is decoded only to be refused.

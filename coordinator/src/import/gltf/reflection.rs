@@ -105,17 +105,23 @@ impl<'d> Materials<'_, 'd> {
         pbr.transmission_texture = self.linear(extension, "transmissionTexture", report);
     }
 
+    /// KHR_materials_clearcoat, folded into the lobe below.
     fn clearcoat(&mut self, json: Json<'d>, pbr: &mut MetallicRoughness, report: &mut Report<'_>) {
         let Some(extension) = json.extension("KHR_materials_clearcoat") else { return };
-        let strength = report.number(extension, "clearcoatFactor", 0.0, &SHARE) as f32;
-        let roughness = report.number(extension, "clearcoatRoughnessFactor", 0.0, &SHARE) as f32;
+        let mut strength = report.number(extension, "clearcoatFactor", 0.0, &SHARE) as f32;
+        let mut roughness = report.number(extension, "clearcoatRoughnessFactor", 0.0, &SHARE) as f32;
         if strength <= 0.0 {
             return;
         }
         report.warn_once(extension, "coat", "clear coats are folded into the specular lobe below them (said once)");
-        let textures = ["clearcoatTexture", "clearcoatRoughnessTexture", "clearcoatNormalTexture"];
-        if textures.iter().any(|name| extension.get(name).is_some()) {
-            report.count(extension, "textures of clear coats were not read; the factors are used everywhere");
+        for (name, factor, channel) in [("clearcoatTexture", &mut strength, 0), ("clearcoatRoughnessTexture", &mut roughness, 1)] {
+            if extension.get(name).is_some() {
+                report.count(extension, "textures of clear coats count by their means");
+                *factor *= self.textures.mean(extension, name, Coding::Linear, report).map_or(1.0, |mean| mean[channel]);
+            }
+        }
+        if extension.get("clearcoatNormalTexture").is_some() {
+            report.count(extension, "normal maps of clear coats were not read");
         }
         coat::fold(pbr, Coat { strength, roughness }, &mut self.textures.images);
     }

@@ -69,7 +69,8 @@ impl<'a, 'd> Textures<'a, 'd> {
         let index = report.index_at(at, "texture", self.textures.len())?;
         let texture = self.textures[index];
         let (wrap, nearest) = self.sampler(texture, report);
-        let image = self.image(texture, Wanted { coding, alpha }, report)?;
+        let source = self.source(texture, report)?;
+        let image = self.decode(source, Wanted { coding, alpha }, report)?;
         let extension = info.extension("KHR_texture_transform");
         let set = report.integer(extension.filter(|e| e.get("texCoord").is_some()).unwrap_or(info), "texCoord", 0);
         if set >= limits::UV_SETS as u64 {
@@ -81,7 +82,25 @@ impl<'a, 'd> Textures<'a, 'd> {
         Some(Use { reference, transparent: image.transparent })
     }
 
-    fn image(&mut self, texture: Json<'_>, wanted: Wanted, report: &mut Report<'_>) -> Option<Image> {
+    /// The means over the image that a member `name` of `owner` describes, which does not become a texture of the scene (see
+    /// [`Images::measure`]); `None` where it describes none, or one that cannot be read, which is told.
+    pub(super) fn mean(&mut self, owner: Json<'_>, name: &str, coding: Coding, report: &mut Report<'_>) -> Option<[f32; 4]> {
+        let at = report.required(owner.get(name)?, "index")?;
+        let index = report.index_at(at, "texture", self.textures.len())?;
+        let source = self.source(self.textures[index], report)?;
+        let (json, image) = (self.sources[source], self.image_name(source));
+        let located = self.locate(json, report)?;
+        let (at, findings) = report.raw(json);
+        let (bundle, buffers) = (self.bundle, self.buffers);
+        match located {
+            Located::File(path) => self.images.measure(path.as_str(), coding, at, findings, || bundle.read(path, limits::BUNDLE_BYTES)),
+            Located::View(view) => self.images.measure(&image, coding, at, findings, || Ok(Cow::Borrowed(buffers.bytes(view)))),
+            Located::Data(bytes) => self.images.measure(&image, coding, at, findings, || Ok(Cow::Owned(bytes))),
+        }
+    }
+
+    /// The image that stands behind a texture.
+    fn source(&mut self, texture: Json<'_>, report: &mut Report<'_>) -> Option<usize> {
         let other = OTHER_IMAGES.iter().find(|name| texture.extension(name).is_some());
         match (texture.get("source"), other) {
             (None, Some(name)) => {
@@ -100,12 +119,17 @@ impl<'a, 'd> Textures<'a, 'd> {
         }
         let index = report.index(texture, "source", "image", self.sources.len())?;
         self.used.insert(index);
-        self.decode(index, wanted, report)
+        Some(index)
+    }
+
+    /// A name that stands for the bytes of an image inside the file.
+    fn image_name(&self, index: usize) -> String {
+        format!("{}#/images/{index}", self.file)
     }
 
     fn decode(&mut self, index: usize, wanted: Wanted, report: &mut Report<'_>) -> Option<Image> {
         let source = self.sources[index];
-        let name = format!("{}#/images/{index}", self.file);
+        let name = self.image_name(index);
         if let Some(known) = self.images.known(&name, wanted) {
             return known;
         }

@@ -129,8 +129,9 @@ fn what_is_approximated_or_skipped_is_said() {
     let coat = json!({ "pbrMetallicRoughness": { "metallicFactor": 0 },
         "extensions": { "KHR_materials_clearcoat": { "clearcoatFactor": 1, "clearcoatTexture": { "index": 0 } } } });
     let (m, said) = material(coat);
-    assert!(pbr(&m).ior > 1.7 && pbr(&m).roughness < 0.8, "{m:?}");
-    assert!(said.iter().any(|w| w.contains("clear coats are folded")) && said.iter().any(|w| w.contains("textures of clear coats")));
+    assert!(pbr(&m).ior > 1.6 && pbr(&m).roughness < 0.85, "{m:?}");
+    assert!(said.iter().any(|w| w.contains("clear coats are folded")));
+    assert!(said.iter().any(|w| w.contains("textures of clear coats count by their means: 1")), "{said:?}");
     let volume = json!({ "extensions": {
         "KHR_materials_transmission": { "transmissionFactor": 1 },
         "KHR_materials_volume": { "thicknessFactor": 2, "attenuationColor": [0.5, 1, 0.25], "attenuationDistance": 1 } } });
@@ -177,6 +178,29 @@ fn a_coat_lies_over_what_textures_say() {
     // Blue is 0: no metal. Of a dielectric and its coat each reflects half.
     assert!((painted.roughness * painted.roughness - 0.96 / 1.96).abs() < 1e-3, "{painted:?}");
     assert_eq!(painted.metallic, 1.0);
+}
+
+/// The picture is red on its left half and green on its right: half a coat, or one half as rough. It is no texture of the scene.
+#[test]
+fn textures_of_coats_count_by_their_means() {
+    let coated = |coat: Value| {
+        let plain = json!({ "metallicFactor": 0, "roughnessFactor": 0.8 });
+        Sample::textured(json!({ "pbrMetallicRoughness": plain, "extensions": { "KHR_materials_clearcoat": coat } }))
+    };
+    let textured = coated(json!({ "clearcoatFactor": 1, "clearcoatTexture": { "index": 0 } })).scene();
+    let half = coated(json!({ "clearcoatFactor": 0.5 })).scene();
+    assert_eq!((pbr(&textured.materials[0]), textured.textures.len()), (pbr(&half.materials[0]), 0));
+    let rough = json!({ "clearcoatFactor": 1, "clearcoatRoughnessFactor": 1, "clearcoatRoughnessTexture": { "index": 0 },
+        "clearcoatNormalTexture": { "index": 0 } });
+    let found = coated(rough).import();
+    assert!(found.warns("normal maps of clear coats were not read: 1"), "{:?}", found.warnings);
+    assert_eq!(
+        pbr(&found.scene().materials[0]),
+        pbr(&coated(json!({ "clearcoatFactor": 1, "clearcoatRoughnessFactor": 0.5 })).scene().materials[0])
+    );
+    let mut broken = coated(json!({ "clearcoatFactor": 1, "clearcoatTexture": { "index": 0 } }));
+    broken.json["images"][0]["uri"] = json!("data:image/png;base64,AAAA");
+    assert!(broken.error().contains("the image `a.gltf#/images/0` is not an image"), "{}", broken.error());
 }
 
 #[test]
