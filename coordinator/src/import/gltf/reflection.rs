@@ -19,7 +19,8 @@ const DEEPEST: f32 = 1e9;
 /// What a volume does to the light that crosses it (KHR_materials_volume), as a thin wall that tints what passes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Volume {
-    /// Thickness as a share of the attenuation distance; the thickness is one of the mesh's space, the distance of the world.
+    /// Thickness as a share of the attenuation distance; the thickness is one of the mesh's space, the distance of the world
+    /// (KHR_materials_volume, "Properties").
     share: f32,
     /// What is left of light after the distance.
     color: [f32; 3],
