@@ -100,12 +100,13 @@ fn declared_hdr(bytes: &[u8]) -> u64 {
     size.map_or(0, |size| pixels(size).saturating_mul(2))
 }
 
-/// The same for every layer of the file, and its own samples.
+/// The same for every layer of the file and for its display window, and its own samples.
 fn declared_exr(bytes: &[u8]) -> u64 {
     let Ok(meta) = MetaData::read_from_buffered(Cursor::new(bytes), false) else { return 0 };
+    let picture = |size: exr::prelude::Vec2<usize>| pixels((size.width() as u32, size.height() as u32));
     let layer = |header: &exr::meta::header::Header| {
-        let size = pixels((header.layer_size.width() as u32, header.layer_size.height() as u32));
-        size.saturating_mul(2 + header.channels.list.len() as u64)
+        let data = picture(header.layer_size).saturating_mul(2 + header.channels.list.len() as u64);
+        data.saturating_add(picture(header.shared_attributes.display_window.size).saturating_mul(2))
     };
     meta.headers.iter().map(layer).fold(0, u64::saturating_add)
 }

@@ -64,11 +64,22 @@ impl Findings {
     }
 
     pub(super) fn warn(&mut self, at: At<'_>, message: impl Into<String>) {
-        if self.warnings.len() < MAX_WARNINGS {
+        self.warn_lazily(|| (at, message.into()));
+    }
+
+    /// Warns where there is still room: `make` finds the place and the words, which may cost more than the warning is worth, only then.
+    pub(super) fn warn_lazily<'a>(&mut self, make: impl FnOnce() -> (At<'a>, String)) {
+        if self.takes_warnings() {
+            let (at, message) = make();
             self.warnings.push(at.problem(message));
         } else {
             self.unsaid += 1;
         }
+    }
+
+    /// Whether another warning would be kept.
+    pub(super) fn takes_warnings(&self) -> bool {
+        self.warnings.len() < MAX_WARNINGS
     }
 
     /// Warns at the first place where `key` happens in this file, and is silent afterwards.

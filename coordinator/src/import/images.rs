@@ -10,10 +10,13 @@ use super::{
 };
 use crate::records::Problem;
 use kiln_proto::{
-    limits,
+    limits, math,
     scene::{AlphaMode, Coding, Texture},
 };
-use std::{borrow::Cow, collections::BTreeMap};
+use std::{
+    borrow::Cow,
+    collections::{BTreeMap, BTreeSet},
+};
 
 /// What an image is wanted for.
 #[derive(Debug, Clone, Copy)]
@@ -38,6 +41,13 @@ pub(super) struct Image {
 pub(super) struct Images {
     images: BTreeMap<(String, bool), Option<Image>>,
     bytes: u64,
+    /// Which textures are meant to be cut out.
+    cut_outs: BTreeSet<u32>,
+    /// Means of textures, with and without alpha.
+    means: BTreeMap<(u32, bool), [f32; 4]>,
+    /// Means of images that are no textures of the scene, by name and coding, and the bytes that were decoded for them.
+    measured: BTreeMap<(String, bool), Option<[f32; 4]>>,
+    measured_bytes: u64,
     /// The textures.
     pub(super) textures: Vec<Texture>,
 }
@@ -74,6 +84,9 @@ impl Images {
         if let Some(known) = self.known(name, wanted) {
             return known;
         }
+        if self.is_full() || findings.is_full() {
+            return None;
+        }
         let key = key(name, wanted);
         let place = self.images.get(&key).copied().flatten().map(|image| image.id);
         let bytes = read().map_err(|problem| findings.push_error(problem)).ok();
@@ -99,7 +112,7 @@ impl Images {
         if let Some(known) = self.known(name, wanted) {
             return known;
         }
-        let from = self.textures.get(source as usize)?;
+        let from = self.textures.get(source as usize).filter(|_| !self.is_full())?;
         let texels = from.texels.chunks_exact(from.channels()).flat_map(texel).collect();
         let texture = Texture { name: name.to_owned(), coding: Coding::Linear, has_alpha: false, texels, ..*from };
         let image = self.keep(Decoded { texture, transparent: false }, None, at, findings);
@@ -107,16 +120,62 @@ impl Images {
         image
     }
 
+    /// The means over a texture: red, green and blue in linear light, and alpha, each in [0, 1]; ones where there is no such texture.
+    pub(super) fn mean(&mut self, id: u32) -> [f32; 4] {
+        let Some(texture) = self.textures.get(id as usize) else { return [1.0; 4] };
+        *self.means.entry((id, texture.has_alpha)).or_insert_with(|| mean(texture))
+    }
+
+    /// The means (as [`Images::mean`] has them, without alpha) over an image that does not become a texture of the scene; `None` where it was
+    /// refused, or where more has been decoded for such means than the textures of a scene may have.
+    pub(super) fn measure<'b>(
+        &mut self,
+        name: &str,
+        coding: Coding,
+        at: At<'_>,
+        findings: &mut Findings,
+        read: impl FnOnce() -> Result<Cow<'b, [u8]>, Problem>,
+    ) -> Option<[f32; 4]> {
+        let wanted = Wanted { coding, alpha: false };
+        if let Some(known) = self.known(name, wanted) {
+            return known.map(|image| self.mean(image.id));
+        }
+        let key = key(name, wanted);
+        if let Some(known) = self.measured.get(&key) {
+            return *known;
+        }
+        if self.measured_bytes > limits::BUNDLE_BYTES || findings.is_full() {
+            return None;
+        }
+        let bytes = read().map_err(|problem| findings.push_error(problem)).ok();
+        let decoded = bytes.and_then(|bytes| {
+            let decoded = texture::decode(name, &bytes, coding, false);
+            decoded.map_err(|e| findings.error(at, format!("the image `{name}` {e}"))).ok()
+        });
+        self.measured_bytes += decoded.as_ref().map_or(0, |decoded| decoded.texture.texels.len() as u64);
+        let mean = decoded.map(|decoded| mean(&decoded.texture));
+        self.measured.insert(key, mean);
+        mean
+    }
+
+    /// Whether the textures together were too large already, which was told: nothing more is decoded only to be refused.
+    fn is_full(&self) -> bool {
+        self.bytes > limits::BUNDLE_BYTES
+    }
+
     /// Puts a texture into the list, or in the place of what it was without alpha.
     fn keep(&mut self, decoded: Decoded, place: Option<u32>, at: At<'_>, findings: &mut Findings) -> Option<Image> {
         let Decoded { texture, transparent } = decoded;
         self.bytes += texture.texels.len() as u64;
         self.bytes -= place.map_or(0, |id| self.textures[id as usize].texels.len() as u64);
-        if self.bytes > limits::BUNDLE_BYTES {
+        if self.is_full() {
             findings.error(at, format!("the textures together exceed {} bytes; scale them down", limits::BUNDLE_BYTES));
             return None;
         }
         let id = place.unwrap_or(self.textures.len() as u32);
+        if transparent && is_cut_out(&texture) {
+            self.cut_outs.insert(id);
+        }
         match self.textures.get_mut(id as usize) {
             Some(slot) => *slot = texture,
             None => self.textures.push(texture),
@@ -125,8 +184,37 @@ impl Images {
     }
 }
 
+/// The means over a texture's texels, of colours in linear light; alpha is one where it has none.
+fn mean(texture: &Texture) -> [f32; 4] {
+    let linear: [f64; 256] = std::array::from_fn(|v| match texture.coding {
+        Coding::Srgb => f64::from(math::srgb_eotf(v as f32 / 255.0)),
+        Coding::Linear => v as f64 / 255.0,
+    });
+    let mut counts = [[0u64; 256]; 4];
+    for texel in texture.texels.chunks_exact(texture.channels()) {
+        texel.iter().zip(&mut counts).for_each(|(v, of)| of[usize::from(*v)] += 1);
+    }
+    let texels = (u64::from(texture.width) * u64::from(texture.height)).max(1) as f64;
+    let sum = |of: &[u64; 256], value: &dyn Fn(usize) -> f64| of.iter().enumerate().map(|(v, n)| *n as f64 * value(v)).sum::<f64>();
+    let [r, g, b, a] = &counts;
+    let colour = |of: &[u64; 256]| (sum(of, &|v| linear[v]) / texels) as f32;
+    let alpha = if texture.has_alpha { (sum(a, &|v| v as f64 / 255.0) / texels) as f32 } else { 1.0 };
+    [colour(r), colour(g), colour(b), alpha]
+}
+
 fn key(name: &str, wanted: Wanted) -> (String, bool) {
     (name.to_owned(), wanted.coding == Coding::Linear)
+}
+
+/// Whether a texture's alpha is nearly all or nothing. Asked once for each texture: a thousand materials may share it.
+fn is_cut_out(texture: &Texture) -> bool {
+    let alphas = || texture.texels.chunks_exact(4).map(|p| p[3]).filter(|a| *a < 255);
+    texture.has_alpha && alphas().filter(|a| (16..240).contains(a)).count() * CUT_OUT <= alphas().count()
+}
+
+/// No path has a line break, so a recipe is no file.
+fn made_key(recipe: &str) -> (String, bool) {
+    (format!("made\n{recipe}"), true)
 }
 
 /// Share of an image's transparent pixels that may be half transparent in an image meant to be cut out.
@@ -138,22 +226,16 @@ impl Images {
         self.keep(Decoded { texture, transparent }, None, at, findings)
     }
 
-    /// A texture that an importer makes of others, once for each `recipe`; `None` where that failed, which `make` says.
-    pub(super) fn made(
-        &mut self,
-        recipe: &str,
-        at: At<'_>,
-        findings: &mut Findings,
-        make: impl FnOnce(&mut Findings) -> Option<Decoded>,
-    ) -> Option<Image> {
-        // No path has a line break, so a recipe is no file.
-        let key = (format!("made\n{recipe}"), true);
-        if let Some(known) = self.images.get(&key) {
-            return *known;
-        }
-        let image = make(findings).and_then(|decoded| self.keep(decoded, None, at, findings));
-        self.images.insert(key, image);
+    /// Adds what an importer made of other images by a recipe, or could not make, which it said.
+    pub(super) fn keep_made(&mut self, recipe: &str, made: Option<Decoded>, at: At<'_>, findings: &mut Findings) -> Option<Image> {
+        let image = made.and_then(|decoded| self.keep(decoded, None, at, findings));
+        self.images.insert(made_key(recipe), image);
         image
+    }
+
+    /// What an importer made by a recipe before; nothing, where the textures are too large already. `None` where it has to be made.
+    pub(super) fn known_made(&self, recipe: &str) -> Option<Option<Image>> {
+        self.images.get(&made_key(recipe)).copied().or_else(|| self.is_full().then_some(None))
     }
 
     /// How opacity is meant where a file does not say: a factor below one blends, an image that is nearly all or nothing is cut out at
@@ -161,70 +243,12 @@ impl Images {
     pub(super) fn alpha_mode(&self, factor: f32, image: Option<Image>, cutoff: f32) -> AlphaMode {
         match image.filter(|i| i.transparent) {
             _ if factor < 1.0 => AlphaMode::Blend,
-            Some(image) if self.is_cut_out(image) => AlphaMode::Mask { cutoff },
+            Some(image) if self.cut_outs.contains(&image.id) => AlphaMode::Mask { cutoff },
             Some(_) => AlphaMode::Blend,
             None => AlphaMode::Opaque,
         }
     }
-
-    fn is_cut_out(&self, image: Image) -> bool {
-        let texture = &self.textures[image.id as usize];
-        let alphas = || texture.texels.chunks_exact(4).map(|p| p[3]).filter(|a| *a < 255);
-        texture.has_alpha && alphas().filter(|a| (16..240).contains(a)).count() * CUT_OUT <= alphas().count()
-    }
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use image::{DynamicImage, ImageFormat, Rgba, RgbaImage};
-    use std::io::Cursor;
-
-    fn png() -> Vec<u8> {
-        let mut out = Cursor::new(vec![]);
-        DynamicImage::from(RgbaImage::from_pixel(2, 1, Rgba([1, 2, 3, 9]))).write_to(&mut out, ImageFormat::Png).unwrap();
-        out.into_inner()
-    }
-
-    #[test]
-    fn an_image_is_decoded_once_for_each_meaning_and_keeps_alpha_on_demand() {
-        let (mut images, mut findings, bytes) = (Images::default(), Findings::default(), png());
-        let mut ask = |coding, alpha| {
-            let wanted = Wanted { coding, alpha };
-            let image = images.bytes("a.png", wanted, At::file("s"), &mut findings, || Ok(Cow::Borrowed(&bytes))).unwrap();
-            (image.id, image.transparent, images.textures[image.id as usize].has_alpha)
-        };
-        assert_eq!(ask(Coding::Srgb, false), (0, true, false));
-        assert_eq!(ask(Coding::Linear, false), (1, true, false));
-        assert_eq!(ask(Coding::Srgb, true), (0, true, true));
-        assert_eq!(ask(Coding::Srgb, false), (0, true, true));
-        assert_eq!((images.textures.len(), images.bytes), (2, 8 + 6));
-        assert_eq!((images.textures[0].coding, images.textures[1].coding), (Coding::Srgb, Coding::Linear));
-    }
-
-    #[test]
-    fn a_broken_image_is_told_once() {
-        let (mut images, mut findings) = (Images::default(), Findings::default());
-        for _ in 0..2 {
-            let wanted = Wanted { coding: Coding::Srgb, alpha: false };
-            assert!(images.bytes("a.png", wanted, At::line("s", 3), &mut findings, || Ok(Cow::Borrowed(&[1, 2]))).is_none());
-        }
-        let errors = findings.into_errors("s");
-        assert_eq!((errors.len(), errors[0].line), (1, Some(3)));
-    }
-
-    #[test]
-    fn what_is_all_or_nothing_is_cut_out_and_the_rest_blends() {
-        let mut images = Images::default();
-        let mut image = |alphas: [u8; 4]| {
-            let texels = alphas.iter().flat_map(|a| [0, 0, 0, *a]).collect();
-            let texture = Texture { name: "t".into(), width: 4, height: 1, coding: Coding::Srgb, has_alpha: true, texels };
-            images.push(texture, alphas != [255; 4], At::file("s"), &mut Findings::default())
-        };
-        let (cut, soft, whole) = (image([0, 255, 3, 255]), image([0, 128, 255, 255]), image([255; 4]));
-        let mode = |factor, image| images.alpha_mode(factor, image, 0.5);
-        assert_eq!((mode(1.0, cut), mode(1.0, soft)), (AlphaMode::Mask { cutoff: 0.5 }, AlphaMode::Blend));
-        assert_eq!((mode(1.0, whole), mode(1.0, None)), (AlphaMode::Opaque, AlphaMode::Opaque));
-        assert_eq!((mode(0.5, cut), mode(0.5, None)), (AlphaMode::Blend, AlphaMode::Blend));
-    }
-}
+mod tests;

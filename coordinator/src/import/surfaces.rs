@@ -1,7 +1,7 @@
 //! Surfaces from meshes in the world, one after the other, until they are the geometry of a scene: what all importers do alike.
 //!
 //! A mesh is handed over whole with the polygons of it that one surface takes, so that importers may compute on the file as one mesh (normals
-//! across objects, say) and still make many surfaces of it. Cost: linear in the corners, but for concave polygons.
+//! across objects, say) and still make many surfaces of it. Cost: linear in the corners, but for concave polygons (`mesh::triangulate`).
 
 use super::{
     findings::{At, Findings},

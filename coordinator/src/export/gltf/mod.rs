@@ -10,6 +10,7 @@
 //! it is put together.
 
 mod buffer;
+mod layer;
 mod light;
 mod material;
 mod mesh;

@@ -4,11 +4,20 @@
 //! bytes behind it (zeros, sparse or not) may not unfold to more than the input has, so that a line of JSON cannot ask for gigabytes.
 
 use super::{
-    buffer::{Buffers, MESHOPT, View},
+    buffer::{Buffers, MESHOPT},
     element::{Component, Shape},
     json::Json,
+    layout::{Run, Sparse, header, run, sparse},
     report::Report,
+    values::Values,
 };
+use std::collections::BTreeMap;
+
+/// Numbers that are looked at to check the accessors of a file, for each of its bytes: those of an honest one lie side by side and are
+/// looked at once.
+const NUMBERS_PER_BYTE: u64 = 16;
+/// Numbers that may be looked at in any file.
+const NUMBERS: u64 = 1 << 20;
 
 /// A checked accessor.
 #[derive(Debug, Clone)]
@@ -24,29 +33,15 @@ pub(super) struct Accessor<'d> {
     shape: Shape,
     /// The largest number in it.
     highest: f64,
+    /// The first of its numbers that is not above the one before, where it has one number an element.
+    stalls: Option<usize>,
     base: Option<Run>,
-    sparse: Option<Sparse>,
-}
-
-/// Elements in a view.
-#[derive(Debug, Clone, Copy)]
-struct Run {
-    view: View,
-    offset: usize,
-    stride: usize,
-}
-
-#[derive(Debug, Clone, Copy)]
-struct Sparse {
-    count: usize,
-    kind: Component,
-    indices: Run,
-    values: Run,
+    sparse: Option<Box<Sparse>>,
 }
 
 impl<'d> Accessor<'d> {
     /// Checks one accessor against its views; `None` where it is wrong.
-    pub(super) fn load(json: Json<'d>, buffers: &Buffers<'_>, most: u64, report: &mut Report<'_>) -> Option<Self> {
+    fn load(json: Json<'d>, buffers: &Buffers<'_>, checks: &mut Checks, report: &mut Report<'_>) -> Option<Self> {
         let (component, shape, count) = header(json, report)?;
         let normalized = report.boolean(json, "normalized", false);
         if normalized && matches!(component, Component::F32 | Component::U32) {
@@ -58,19 +53,21 @@ impl<'d> Accessor<'d> {
             None => None,
         };
         let sparse = match json.get("sparse") {
-            Some(at) => Some(sparse(at, component, shape, count, buffers, report)?),
+            Some(at) => Some(Box::new(sparse(at, component, shape, count, buffers, report)?)),
             None => None,
         };
         if base.is_none() && json.get("byteOffset").is_some() {
             report.warn(json, "`byteOffset` means nothing without a `bufferView`");
         }
-        if base.is_none() && (count as u64).saturating_mul((shape.columns * shape.rows * 4) as u64) > most {
+        if base.is_none() && (count as u64).saturating_mul((shape.columns * shape.rows * 4) as u64) > checks.most {
+            let most = checks.most;
             report.error(json, format!("{count} elements without bytes of their own are more than an input of {most} bytes may unfold to"));
             return None;
         }
-        let mut accessor = Self { json, component, normalized, count, shape, highest: 0.0, base, sparse };
-        accessor.check_sparse_order(buffers, report)?;
-        accessor.highest = accessor.check_values(buffers, report)?;
+        let mut accessor = Self { json, component, normalized, count, shape, highest: 0.0, stalls: None, base, sparse };
+        let values = checks.values(&accessor, buffers, report)?;
+        values.check_bounds(&accessor, report);
+        (accessor.highest, accessor.stalls) = (values.highest(), values.stalls);
         Some(accessor)
     }
 
@@ -82,6 +79,11 @@ impl<'d> Accessor<'d> {
     /// The largest of its numbers, for integers: as they are stored.
     pub(super) fn highest(&self) -> usize {
         self.highest as usize
+    }
+
+    /// The first of its numbers that is not above the one before, where it has one number an element.
+    pub(super) fn stalls(&self) -> Option<usize> {
+        self.stalls
     }
 
     /// Whether it has bytes of its own; it is all zeros otherwise.
@@ -105,7 +107,7 @@ impl<'d> Accessor<'d> {
     }
 
     /// The numbers as they are stored, without normalization.
-    fn raw(&self, buffers: &Buffers<'_>, index: usize, out: &mut [f64]) {
+    pub(super) fn raw(&self, buffers: &Buffers<'_>, index: usize, out: &mut [f64]) {
         out.fill(0.0);
         let Some((run, index)) = self.place(buffers, index) else { return };
         let element = run.element(buffers, index);
@@ -128,165 +130,44 @@ impl<'d> Accessor<'d> {
         (0..self.count).map(move |i| self.get(buffers, i))
     }
 
-    fn check_sparse_order(&self, buffers: &Buffers<'_>, report: &mut Report<'_>) -> Option<()> {
-        let Some(sparse) = self.sparse else { return Some(()) };
-        let mut before = None;
-        for i in 0..sparse.count {
-            let index = sparse.index(buffers, i);
-            if index >= self.count || before.is_some_and(|b| b >= index) {
-                report.error(self.json, format!("sparse index {i} is {index}; they must rise and stay below {}", self.count));
+    /// Its replacements.
+    pub(super) fn sparse(&self) -> Option<&Sparse> {
+        self.sparse.as_deref()
+    }
+}
+
+/// What tells values apart: those of the same type in the same place are the same.
+type Place = (Component, &'static str, usize, Option<Run>, Option<Sparse>);
+
+/// The values that were looked at, once for all accessors that lie alike.
+struct Checks {
+    /// Bytes of the input.
+    most: u64,
+    /// Numbers that may still be looked at.
+    left: u64,
+    known: BTreeMap<Place, Option<Values>>,
+}
+
+impl Checks {
+    /// What there is to know of the values of an accessor; `None` where they are wrong or too many, which is told once.
+    fn values(&mut self, accessor: &Accessor<'_>, buffers: &Buffers<'_>, report: &mut Report<'_>) -> Option<&Values> {
+        let place = (accessor.component, accessor.kind(), accessor.count, accessor.base, accessor.sparse().copied());
+        if !self.known.contains_key(&place) {
+            let cost = Values::cost(accessor);
+            if cost > self.left {
+                let message = format!(
+                    "the accessors up to this one name {NUMBERS_PER_BYTE} times as many numbers as an input of {} bytes has bytes; \
+                     let those that read the same data be one",
+                    self.most
+                );
+                report.error(accessor.json, message);
                 return None;
             }
-            before = Some(index);
+            self.left -= cost;
+            self.known.insert(place, Values::read(accessor, buffers, report));
         }
-        Some(())
+        self.known.get(&place)?.as_ref()
     }
-
-    /// Refuses numbers that are not finite, and compares `min` and `max` with the data, which count.
-    fn check_values(&self, buffers: &Buffers<'_>, report: &mut Report<'_>) -> Option<f64> {
-        let width = self.width();
-        let (mut low, mut high) = ([f64::INFINITY; 16], [f64::NEG_INFINITY; 16]);
-        let mut element = [0.0; 16];
-        for i in 0..self.count {
-            self.raw(buffers, i, &mut element);
-            if let Some(k) = element[..width].iter().position(|v| !v.is_finite()) {
-                report.error(self.json, format!("element {i} has a number that is not finite ({})", element[k]));
-                return None;
-            }
-            for k in 0..width {
-                low[k] = low[k].min(element[k]);
-                high[k] = high[k].max(element[k]);
-            }
-        }
-        self.check_bound("min", &low[..width], report);
-        self.check_bound("max", &high[..width], report);
-        Some(high[..width].iter().copied().fold(f64::NEG_INFINITY, f64::max))
-    }
-
-    fn check_bound(&self, name: &str, actual: &[f64], report: &mut Report<'_>) {
-        let Some(list) = self.json.get(name) else { return };
-        let found = list.items().count();
-        if found != actual.len() {
-            report.error(list, format!("an accessor of type {} has {} of them; there are {found}", self.kind(), actual.len()));
-            return;
-        }
-        for (item, actual) in list.items().zip(actual) {
-            let Some(stated) = item.number() else {
-                report.error(item, "this is not a number");
-                continue;
-            };
-            // Bounds of floats are written in decimals of them.
-            let same = if self.component == Component::F32 { stated as f32 == *actual as f32 } else { stated == *actual };
-            if !same {
-                let key = format!("a wrong {name}");
-                report.warn_once(item, &key, format!("the {name} {stated} is not that of the data, {actual}; the data count (said once)"));
-            }
-        }
-    }
-}
-
-impl Run {
-    fn element<'b>(&self, buffers: &'b Buffers<'_>, index: usize) -> &'b [u8] {
-        buffers.bytes(self.view).get(self.offset + index * self.stride..).unwrap_or_default()
-    }
-}
-
-impl Sparse {
-    fn index(&self, buffers: &Buffers<'_>, i: usize) -> usize {
-        self.kind.read(self.indices.element(buffers, i)) as usize
-    }
-
-    /// Which replacement is for this element: a binary search, because indices rise.
-    fn find(&self, buffers: &Buffers<'_>, index: usize) -> Option<usize> {
-        let (mut low, mut high) = (0, self.count);
-        while low < high {
-            let middle = low + (high - low) / 2;
-            if self.index(buffers, middle) < index {
-                low = middle + 1;
-            } else {
-                high = middle;
-            }
-        }
-        (low < self.count && self.index(buffers, low) == index).then_some(low)
-    }
-}
-
-/// Type and number of the elements.
-fn header(json: Json<'_>, report: &mut Report<'_>) -> Option<(Component, Shape, usize)> {
-    let (code, count, kind) = (report.required(json, "componentType"), report.required(json, "count"), report.required(json, "type"));
-    let component = code.and_then(|at| {
-        let component = Component::of(report.integer_at(at)?);
-        if component.is_none() {
-            report.error(at, "this is no component type; there are 5120, 5121, 5122, 5123, 5125 and 5126");
-        }
-        component
-    });
-    let shape = kind.and_then(|at| {
-        let shape = at.string().and_then(|name| Shape::of(&name));
-        if shape.is_none() {
-            report.error(at, "this is no accessor type; there are SCALAR, VEC2, VEC3, VEC4, MAT2, MAT3 and MAT4");
-        }
-        shape
-    });
-    let count = count.and_then(|at| match report.integer_at(at)? {
-        0 => {
-            report.error(at, "an accessor must have at least 1 element");
-            None
-        }
-        n => usize::try_from(n).ok(),
-    });
-    Some((component?, shape?, count?))
-}
-
-fn sparse(at: Json<'_>, component: Component, shape: Shape, all: usize, buffers: &Buffers<'_>, report: &mut Report<'_>) -> Option<Sparse> {
-    let count = report.required(at, "count").and_then(|n| report.integer_at(n))?;
-    if count == 0 || count > all as u64 {
-        report.error(at, format!("{count} sparse elements are not between 1 and the accessor's {all}"));
-        return None;
-    }
-    let (indices, values) = (report.required(at, "indices")?, report.required(at, "values")?);
-    let code = report.required(indices, "componentType")?;
-    let kind = report.integer_at(code).and_then(Component::of);
-    let Some(kind) = kind.filter(|k| matches!(k, Component::U8 | Component::U16 | Component::U32)) else {
-        report.error(code, "sparse indices are of type 5121, 5123 or 5125");
-        return None;
-    };
-    let count = count as usize;
-    let (index_view, value_view) = (report.required(indices, "bufferView")?, report.required(values, "bufferView")?);
-    let indices = run(index_view, indices, (kind, Shape::SCALAR, count), Some(kind.size()), buffers, report)?;
-    let values = run(value_view, values, (component, shape, count), Some(shape.size(component)), buffers, report)?;
-    Some(Sparse { count, kind, indices, values })
-}
-
-/// Where elements lie within a view; `packed` is the stride of sparse data, which ignore that of the view.
-fn run(
-    at: Json<'_>,
-    owner: Json<'_>,
-    (component, shape, count): (Component, Shape, usize),
-    packed: Option<usize>,
-    buffers: &Buffers<'_>,
-    report: &mut Report<'_>,
-) -> Option<Run> {
-    let index = report.index_at(at, "buffer view", buffers.view_count())?;
-    let offset = report.integer(owner, "byteOffset", 0);
-    let view = buffers.view_of(index)?;
-    let size = shape.size(component);
-    let stride = packed.or(view.stride).unwrap_or(size.next_multiple_of(component.size()));
-    let stride = if shape.columns > 1 && view.stride.is_none() { shape.column(component) * shape.columns } else { stride };
-    if stride < size {
-        report.error(owner, format!("an element has {size} bytes, but buffer view {index} has a stride of {stride}"));
-        return None;
-    }
-    let end = (count as u64 - 1).checked_mul(stride as u64).and_then(|n| n.checked_add(offset)?.checked_add(size as u64));
-    if end.is_none_or(|end| end > view.len as u64) {
-        let wanted = end.map_or("more than 2^64".to_owned(), |n| n.to_string());
-        report.error(owner, format!("{count} elements from byte {offset} take {wanted} bytes, but buffer view {index} has {}", view.len));
-        return None;
-    }
-    if !(offset as usize + view.start()).is_multiple_of(component.size()) || !stride.is_multiple_of(component.size()) {
-        report.count(owner, "accessors whose elements are not aligned to their components (read all the same)");
-    }
-    Some(Run { view, offset: offset as usize, stride })
 }
 
 /// The accessors of a file.
@@ -308,7 +189,10 @@ impl<'d, 'b> Accessors<'d, 'b> {
                 );
             }
         }
-        let list = report.objects(root, "accessors").into_iter().map(|json| Accessor::load(json, &buffers, most, report)).collect();
+        let left = most.saturating_mul(NUMBERS_PER_BYTE).saturating_add(NUMBERS);
+        let mut checks = Checks { most, left, known: BTreeMap::new() };
+        let list = report.objects(root, "accessors").into_iter();
+        let list = list.map(|json| if report.is_full() { None } else { Accessor::load(json, &buffers, &mut checks, report) }).collect();
         Self { buffers, list }
     }
 

@@ -14,6 +14,11 @@ use glam::{DQuat, DVec3};
 use kiln_proto::math;
 use std::collections::BTreeSet;
 
+/// Weights of morph targets that are computed in any file, and the bytes of the buffers that each further one takes: those of an honest
+/// channel have their own values there.
+const WEIGHTS: u64 = 1 << 20;
+const BYTES_PER_WEIGHT: u64 = 4;
+
 /// How values between key frames come about.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Interpolation {
@@ -38,6 +43,15 @@ struct Moment {
     seconds: f64,
 }
 
+/// What animations move, and when.
+struct Player<'s, 'g, 'd, 'b> {
+    graph: &'s mut Graph<'g>,
+    accessors: &'s Accessors<'d, 'b>,
+    time: Option<f64>,
+    /// Weights of morph targets that may still be computed.
+    left: u64,
+}
+
 /// Checks all animations, and applies them where there is a time.
 pub(super) fn apply(root: Json<'_>, graph: &mut Graph<'_>, accessors: &Accessors<'_, '_>, time: Option<f64>, report: &mut Report<'_>) {
     let animations = report.objects(root, "animations");
@@ -46,6 +60,8 @@ pub(super) fn apply(root: Json<'_>, graph: &mut Graph<'_>, accessors: &Accessors
             format!("the file has {} animations; the rest pose is imported (a time in seconds chooses another)", animations.len());
         report.warn(*first, message);
     }
+    let left = WEIGHTS.saturating_add(accessors.buffers.total() / BYTES_PER_WEIGHT);
+    let mut player = Player { graph, accessors, time, left };
     for animation in animations {
         let samplers: Vec<Option<Sampler<'_, '_>>> =
             report.objects(animation, "samplers").into_iter().map(|json| sampler(json, accessors, report)).collect();
@@ -58,7 +74,7 @@ pub(super) fn apply(root: Json<'_>, graph: &mut Graph<'_>, accessors: &Accessors
                 if !targets.insert(key) {
                     report.count(channel, "channels of one animation move the same thing as another; the last one counts");
                 }
-                apply_channel(target, sampler, graph, accessors, time, report);
+                player.channel(target, sampler, report);
             }
         }
     }
@@ -84,57 +100,45 @@ fn sampler<'s, 'd>(json: Json<'_>, accessors: &'s Accessors<'d, '_>, report: &mu
     if times.json.get("min").is_none() || times.json.get("max").is_none() {
         report.count(input, "times of key frames without `min` and `max`, which glTF wants (computed)");
     }
-    let mut before = f64::NEG_INFINITY;
-    for (i, [t]) in times.all(&accessors.buffers).enumerate() {
-        if t < 0.0 || t <= before {
-            report.error(input, format!("time {i} is {t}; times must be 0 or more and rise"));
-            return None;
-        }
-        before = t;
+    let time = |i: usize| times.get::<1>(&accessors.buffers, i)[0];
+    if let Some(i) = if time(0) < 0.0 { Some(0) } else { times.stalls() } {
+        report.error(input, format!("time {i} is {}; times must be 0 or more and rise", time(i)));
+        return None;
     }
     Some(Sampler { times, values, interpolation })
 }
 
-fn apply_channel(
-    target: Json<'_>,
-    sampler: &Sampler<'_, '_>,
-    graph: &mut Graph<'_>,
-    accessors: &Accessors<'_, '_>,
-    time: Option<f64>,
-    report: &mut Report<'_>,
-) {
-    let path = report.string(target, "path").unwrap_or_default();
-    if path == "pointer" || target.extension("KHR_animation_pointer").is_some() {
-        report.count(target, "animations of other things than nodes (KHR_animation_pointer) were skipped");
-        return;
-    }
-    let Some(index) = report.index(target, "node", "node", graph.nodes.len()) else { return };
-    let node = &graph.nodes[index];
-    let (kind, width) = match path.as_ref() {
-        "translation" | "scale" => ("VEC3", 1),
-        "rotation" => ("VEC4", 1),
-        "weights" => ("SCALAR", (sampler.values.count / sampler.times.count / sampler.keys()).max(1)),
-        other => return report.error(target, format!("`{other}` cannot be animated; translation, rotation, scale and weights can")),
-    };
-    let wanted = sampler.times.count * sampler.keys() * width;
-    if sampler.values.kind() != kind || sampler.values.count != wanted {
-        let (found, count) = (sampler.values.kind(), sampler.values.count);
-        return report
-            .error(target, format!("{wanted} values of type {kind} are expected for `{path}`; there are {count} of type {found}"));
-    }
-    if path != "weights" && matches!(node.local, Local::Matrix(_)) && node.json.get("matrix").is_some() {
-        return report.error(target, format!("node {index} has a `matrix`, so its {path} cannot be animated"));
-    }
-    let Some(time) = time else { return };
-    let moment = sampler.moment(accessors, time);
-    let value = |k: usize| -> [f64; 4] { sampler.value(accessors, moment, width, k, path == "rotation") };
-    let node = &mut graph.nodes[index];
-    match (path.as_ref(), &mut node.local) {
-        ("weights", _) => node.weights = Some((0..width).map(|k| value(k)[0]).collect()),
-        ("translation", Local::Parts { translation, .. }) => *translation = DVec3::from_slice(&value(0)),
-        ("scale", Local::Parts { scale, .. }) => *scale = DVec3::from_slice(&value(0)),
-        ("rotation", Local::Parts { rotation, .. }) => *rotation = unit(DQuat::from_array(value(0))),
-        _ => {}
+impl Player<'_, '_, '_, '_> {
+    /// Checks what a channel moves, and moves it where there is a time.
+    fn channel(&mut self, target: Json<'_>, sampler: &Sampler<'_, '_>, report: &mut Report<'_>) {
+        let path = report.string(target, "path").unwrap_or_default();
+        if path == "pointer" || target.extension("KHR_animation_pointer").is_some() {
+            report.count(target, "animations of other things than nodes (KHR_animation_pointer) were skipped");
+            return;
+        }
+        let Some(index) = report.index(target, "node", "node", self.graph.nodes.len()) else { return };
+        let Some(width) = sampler.width(target, &path, report) else { return };
+        let node = &mut self.graph.nodes[index];
+        if path != "weights" && node.json.get("matrix").is_some() {
+            return report.error(target, format!("node {index} has a `matrix`, so its {path} cannot be animated"));
+        }
+        let Some(time) = self.time else { return };
+        let moment = sampler.moment(self.accessors, time);
+        let value = |k: usize| -> [f64; 4] { sampler.value(self.accessors, moment, width, k, path == "rotation") };
+        if path == "weights" {
+            let Some(left) = self.left.checked_sub(width as u64) else {
+                return report.error(target, format!("with its {width} weights the channels have more than are computed in such a file"));
+            };
+            self.left = left;
+            node.weights = Some((0..width).map(|k| value(k)[0]).collect());
+            return;
+        }
+        match (path.as_ref(), node.local()) {
+            ("translation", Local::Parts { translation, .. }) => *translation = DVec3::from_slice(&value(0)),
+            ("scale", Local::Parts { scale, .. }) => *scale = DVec3::from_slice(&value(0)),
+            ("rotation", Local::Parts { rotation, .. }) => *rotation = unit(DQuat::from_array(value(0))),
+            _ => {}
+        }
     }
 }
 
@@ -142,6 +146,26 @@ impl Sampler<'_, '_> {
     /// Values per key frame and target.
     fn keys(&self) -> usize {
         if self.interpolation == Interpolation::CubicSpline { 3 } else { 1 }
+    }
+
+    /// How many values of this path each key frame has; `None` where they do not fit it.
+    fn width(&self, target: Json<'_>, path: &str, report: &mut Report<'_>) -> Option<usize> {
+        let (kind, width) = match path {
+            "translation" | "scale" => ("VEC3", 1),
+            "rotation" => ("VEC4", 1),
+            "weights" => ("SCALAR", (self.values.count / self.times.count / self.keys()).max(1)),
+            other => {
+                report.error(target, format!("`{other}` cannot be animated; translation, rotation, scale and weights can"));
+                return None;
+            }
+        };
+        let wanted = self.times.count * self.keys() * width;
+        if self.values.kind() != kind || self.values.count != wanted {
+            let (found, count) = (self.values.kind(), self.values.count);
+            report.error(target, format!("{wanted} values of type {kind} are expected for `{path}`; there are {count} of type {found}"));
+            return None;
+        }
+        Some(width)
     }
 
     fn moment(&self, accessors: &Accessors<'_, '_>, time: f64) -> Moment {

@@ -23,7 +23,7 @@ pub(super) struct Buffers<'b> {
 }
 
 /// A range of a buffer.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct View {
     store: usize,
     /// Its first byte.

@@ -24,7 +24,11 @@ pub(super) fn is_binary(name: &str, bytes: &[u8]) -> bool {
 pub(super) fn open<'b>(name: &str, bytes: &'b [u8], report: &mut Report<'_>) -> Option<Parts<'b>> {
     let opened = if is_binary(name, bytes) { chunks(bytes, report) } else { Ok((0..bytes.len(), None)) };
     let (json, binary) = opened.map_err(|message| report.error_in_file(message)).ok()?;
-    let json = &bytes[json];
+    let mut json = &bytes[json];
+    if is_binary(name, bytes) && json.ends_with(b"\0") {
+        report.warn_in_file("the JSON is filled up with zeros, where glTF wants blanks; they were left out");
+        json = &json[..json.iter().rposition(|b| *b != 0).map_or(0, |last| last + 1)];
+    }
     if json.starts_with(b"\xef\xbb\xbf") {
         report.error_in_file("the JSON begins with a byte order mark, which glTF forbids; save it as UTF-8 without one");
         return None;

@@ -7,6 +7,7 @@ use super::{
     node::Graph,
     report::Report,
 };
+use crate::import::mesh::{for_normals, stretch};
 use glam::{DMat3, DMat4, DVec3, DVec4};
 
 /// A skin.
@@ -21,6 +22,15 @@ pub(super) struct Shape {
     pub(super) positions: Vec<DVec3>,
     /// Normals of any length; empty where there are none.
     pub(super) normals: Vec<DVec3>,
+}
+
+/// What taking a shape to world space did to it.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Moved {
+    /// Whether fronts became backs.
+    pub(super) mirrored: bool,
+    /// By how much lengths were stretched, in the mean.
+    pub(super) stretch: f64,
 }
 
 /// Reads all skins.
@@ -50,6 +60,13 @@ fn skin<'s, 'd>(json: Json<'d>, nodes: usize, accessors: &'s Accessors<'d, '_>, 
     Skin { joints, inverse_bind }
 }
 
+impl Skin<'_, '_> {
+    /// How many joints it has.
+    pub(super) fn joint_count(&self) -> usize {
+        self.joints.len()
+    }
+}
+
 impl Shape {
     /// The vertices of a primitive as they are stored, moved by its morph targets.
     pub(super) fn read(primitive: &Primitive<'_, '_>, weights: &[f64], accessors: &Accessors<'_, '_>) -> Self {
@@ -65,15 +82,15 @@ impl Shape {
         Self { positions, normals }
     }
 
-    /// Takes it to world space; returns whether fronts became backs.
-    pub(super) fn place(&mut self, world: DMat4) -> bool {
+    /// Takes it to world space.
+    pub(super) fn place(&mut self, world: DMat4) -> Moved {
         let of_normals = for_normals(DMat3::from_mat4(world));
         self.positions.iter_mut().for_each(|p| *p = world.transform_point3(*p));
         self.normals.iter_mut().for_each(|n| *n = of_normals * *n);
-        DMat3::from_mat4(world).determinant() < 0.0
+        Moved { mirrored: DMat3::from_mat4(world).determinant() < 0.0, stretch: stretch(&world) }
     }
 
-    /// Takes it to world space by the joints of a skin, whose weights are brought to a sum of one; returns whether fronts became backs.
+    /// Takes it to world space by the joints of a skin, whose weights are brought to a sum of one.
     pub(super) fn bend(
         &mut self,
         primitive: &Primitive<'_, '_>,
@@ -81,9 +98,9 @@ impl Shape {
         graph: &Graph<'_>,
         accessors: &Accessors<'_, '_>,
         report: &mut Report<'_>,
-    ) -> Option<bool> {
+    ) -> Option<Moved> {
         let inverse = |i: usize| skin.inverse_bind.map_or(DMat4::IDENTITY, |m| DMat4::from_cols_array(&m.get(&accessors.buffers, i)));
-        let joints: Vec<DMat4> = skin.joints.iter().enumerate().map(|(i, node)| graph.nodes[*node].world * inverse(i)).collect();
+        let joints: Vec<DMat4> = skin.joints.iter().enumerate().map(|(i, node)| *graph.nodes[*node].world * inverse(i)).collect();
         let (mut mirrored, mut unbound) = (0, 0);
         for vertex in 0..self.positions.len() {
             let blended = match blend(primitive, vertex, &joints, accessors) {
@@ -106,7 +123,8 @@ impl Shape {
             }
         }
         report.count_many(primitive.json, "vertices whose joints have no weight were left in their bind pose", unbound);
-        Some(2 * mirrored > self.positions.len())
+        let stretch = joints.iter().map(stretch).sum::<f64>() / joints.len().max(1) as f64;
+        Some(Moved { mirrored: 2 * mirrored > self.positions.len(), stretch })
     }
 }
 
@@ -130,29 +148,4 @@ fn blend(primitive: &Primitive<'_, '_>, vertex: usize, joints: &[DMat4], accesso
     matrix.z_axis.w = 0.0;
     matrix.w_axis = DVec4::new(matrix.w_axis.x, matrix.w_axis.y, matrix.w_axis.z, sum);
     Ok((matrix, sum))
-}
-
-/// What takes normals along with a linear map: its inverse transposed, up to a positive factor, and also where a map flattens space.
-fn for_normals(m: DMat3) -> DMat3 {
-    let (x, y, z) = (m.x_axis, m.y_axis, m.z_axis);
-    let cofactors = DMat3::from_cols(y.cross(z), z.cross(x), x.cross(y));
-    if m.determinant() < 0.0 { cofactors * -1.0 } else { cofactors }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn normals_stay_orthogonal_to_what_they_stand_on() {
-        let m = DMat3::from_cols(DVec3::new(-2.0, 0.1, 0.0), DVec3::new(0.3, 0.5, 0.2), DVec3::new(0.0, 0.7, 3.0));
-        let (a, b) = (DVec3::new(1.0, 2.0, 0.5), DVec3::new(-0.5, 0.25, 1.0));
-        let normal = a.cross(b);
-        let moved = for_normals(m) * normal;
-        assert!(moved.dot(m * a).abs() < 1e-12 && moved.dot(m * b).abs() < 1e-12);
-        assert!(m.determinant() < 0.0);
-        assert!(moved.dot(m.inverse().transpose() * normal) > 0.0, "outside stays outside, also in a mirror");
-        let flat = DMat3::from_diagonal(DVec3::new(1.0, 1.0, 0.0));
-        assert_eq!((for_normals(flat) * DVec3::Z).normalize(), DVec3::Z);
-    }
 }

@@ -1,7 +1,7 @@
 //! The elements of accessors: components of six types in seven shapes (glTF 2.0, section 3.6.2.2).
 
 /// The type of a component.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Component {
     I8,
     U8,

@@ -63,7 +63,7 @@ pub(super) fn check(root: Json<'_>, report: &mut Report<'_>) {
         let name = at.string().unwrap_or_default();
         let known = |list: &[&str]| list.contains(&name.as_ref());
         if !known(&READ) && !known(&SKIPPED) && !COMPRESSED.iter().any(|(c, _)| *c == name) {
-            report.warn(at, format!("the extension {name} is not read; what it says was ignored"));
+            report.warn_once(at, &format!("used {name}"), format!("the extension {name} is not read; what it says was ignored"));
         }
     }
 }

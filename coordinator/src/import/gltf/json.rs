@@ -7,6 +7,8 @@
 use serde::de::IgnoredAny;
 use std::borrow::Cow;
 
+/// Characters of a name that are kept.
+const NAME_CHARS: usize = kiln_proto::limits::NAME_BYTES / 4;
 /// Bytes between two entries of the table of lines.
 const BLOCK: usize = 4_096;
 /// The end of a chain of open values.
@@ -102,6 +104,11 @@ impl<'d> Json<'d> {
         &self.document.text[self.at()..]
     }
 
+    /// A number that no other value of the document has.
+    pub(super) fn id(self) -> u32 {
+        self.entry
+    }
+
     /// What it is.
     pub(super) fn kind(self) -> Kind {
         match self.document.text.as_bytes()[self.at()] {
@@ -146,6 +153,25 @@ impl<'d> Json<'d> {
             return Some(Cow::Borrowed(inner));
         }
         Some(serde_json::from_str::<String>(&text[..end]).map_or(Cow::Borrowed(inner), Cow::Owned))
+    }
+
+    /// The name of a thing, as long as names are kept; `None` where it has none but blanks. Of a longer one only the beginning is looked at: what
+    /// a thousand nodes show may be called by a megabyte.
+    pub(super) fn name(self) -> Option<String> {
+        let json = self.get("name").filter(|json| json.kind() == Kind::String)?;
+        let text = json.rest();
+        let (bytes, mut end, mut left) = (text.as_bytes(), 1, NAME_CHARS);
+        while left > 0 && bytes.get(end).is_some_and(|b| *b != b'"') {
+            end += match &bytes[end..] {
+                [b'\\', b'u', ..] => 6,
+                [b'\\', ..] => 2,
+                _ => text[end..].chars().next().map_or(1, char::len_utf8),
+            };
+            left -= 1;
+        }
+        let inner = text.get(1..end)?;
+        let name = serde_json::from_str::<String>(&format!("\"{inner}\"")).unwrap_or_else(|_| inner.to_owned());
+        Some(name).filter(|name| !name.trim().is_empty())
     }
 
     /// The values directly inside an object or array of this kind, names of members among them.
@@ -249,43 +275,4 @@ fn string_end(text: &[u8]) -> usize {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    const TEXT: &str =
-        "{\n \"a\": [1, -2.5e1, true,\n  {\"x/~\": \"q\\\"\\u00e9\", \"e\": {}}, []],\n\"b\": null, \"a2\": 1e999,\n\n\"b\": false}";
-
-    #[test]
-    fn values_know_their_kind_line_and_pointer() {
-        let document = Document::parse(TEXT).unwrap();
-        let root = document.root();
-        let list: Vec<Json<'_>> = root.get("a").unwrap().items().collect();
-        assert_eq!(list.len(), 5);
-        assert_eq!((list[0].number(), list[1].number(), list[2].boolean()), (Some(1.0), Some(-25.0), Some(true)));
-        assert_eq!((list[0].string(), list[2].number(), list[1].boolean()), (None, None, None));
-        let deep = list[3].get("x/~").unwrap();
-        assert_eq!((deep.string().unwrap().as_ref(), deep.line(), deep.pointer().as_str()), ("q\"é", 3, "/a/3/x~1~0"));
-        assert_eq!((list[4].items().count(), list[4].kind(), list[4].pointer().as_str()), (0, Kind::Array, "/a/4"));
-        assert_eq!((root.pointer().as_str(), root.line()), ("", 1));
-        assert_eq!(root.get("a2").unwrap().number(), Some(f64::INFINITY));
-        assert_eq!((root.get("b").unwrap().boolean(), root.get("b").unwrap().line()), (Some(false), 6));
-        assert_eq!(root.members().count(), 4);
-    }
-
-    #[test]
-    fn lines_are_right_across_blocks() {
-        let text = format!("[{}\n7]", "\n".repeat(3 * BLOCK));
-        assert_eq!(Document::parse(&text).unwrap().root().items().next().unwrap().line() as usize, 3 * BLOCK + 2);
-    }
-
-    #[test]
-    fn depth_costs_no_stack_and_faults_have_a_line() {
-        let deep = format!("{}{}", "[".repeat(200_000), "]".repeat(200_000));
-        let document = Document::parse(&deep).unwrap();
-        assert_eq!(document.root().items().count(), 1);
-        assert_eq!(Document::parse("{\n]").unwrap_err().line, 2);
-        for text in ["", "{", "[1,]", "{\"a\" 1}", "nul", "\"\u{1}\"", "[1] 2", "01", "\"\\"] {
-            assert!(Document::parse(text).is_err(), "{text}");
-        }
-    }
-}
+mod tests;

@@ -3,7 +3,8 @@
 use super::{
     json::Json,
     node::Node,
-    report::{POSITIVE, Report, SHARE},
+    property::{POSITIVE, SHARE},
+    report::Report,
 };
 use crate::import::name::Names;
 use glam::{DMat4, DVec3};
@@ -45,7 +46,7 @@ pub(super) fn lights(root: Json<'_>, nodes: &[&Node<'_>], report: &mut Report<'_
             report.error(extension, format!("the scene has more than {} lights", limits::LIGHTS));
             break;
         }
-        let name = [node.json, list[index]].into_iter().find_map(name_of).unwrap_or_else(|| format!("light{index}"));
+        let name = [node.json, list[index]].into_iter().find_map(Json::name).unwrap_or_else(|| format!("light{index}"));
         lights.push(lamp.place(names.take(&name), node, report));
     }
     lights
@@ -106,12 +107,12 @@ pub(super) fn cameras(list: &[Json<'_>], nodes: &[&Node<'_>], report: &mut Repor
     let lenses: Vec<Option<Lens>> = list.iter().map(|json| lens(*json, report)).collect();
     let mut cameras = vec![];
     for node in nodes {
-        let Some((index, Some(lens))) = node.camera.map(|i| (i, lenses[i])) else { continue };
+        let Some((index, Some(lens))) = node.camera().map(|i| (i, lenses[i])) else { continue };
         if cameras.len() >= limits::LIGHTS {
             report.error(node.json, format!("the scene has more than {} cameras", limits::LIGHTS));
             break;
         }
-        let name = [node.json, list[index]].into_iter().find_map(name_of).unwrap_or_else(|| format!("camera{index}"));
+        let name = [node.json, list[index]].into_iter().find_map(Json::name).unwrap_or_else(|| format!("camera{index}"));
         let (eye, [_, up, back]) = frame(node, report);
         cameras.push(Camera { name, eye: single(eye), forward: single(-back), up: single(up), lens });
     }
@@ -147,13 +148,9 @@ fn lens(json: Json<'_>, report: &mut Report<'_>) -> Option<Lens> {
     }
 }
 
-fn name_of(json: Json<'_>) -> Option<String> {
-    json.get("name")?.string().filter(|n| !n.trim().is_empty()).map(|n| n.chars().take(limits::NAME_BYTES / 4).collect())
-}
-
 /// Where a node stands and its axes, made orthonormal around its Z axis; those of the world where it has none.
 fn frame(node: &Node<'_>, report: &mut Report<'_>) -> (DVec3, [DVec3; 3]) {
-    let world: DMat4 = node.world;
+    let world: DMat4 = *node.world;
     let back = world.z_axis.truncate().try_normalize().filter(|v| v.is_finite()).unwrap_or(DVec3::Z);
     let raw = world.y_axis.truncate();
     let up = [raw, DVec3::Y, DVec3::X].into_iter().find_map(|up| {

@@ -4,13 +4,13 @@
 
 use super::{
     json::Json,
-    report::{ANY, POSITIVE, Report, SHARE},
+    property::{ANY, POSITIVE, SHARE},
+    reflection::Volume,
+    report::Report,
     texture::Textures,
 };
-use crate::import::coat;
 use kiln_proto::{
-    math,
-    scene::{AlphaMode, Coding, LayerMode, Mapping, Material, MetallicRoughness, NormalMap, Opacity, Reflection, TextureLayer},
+    scene::{AlphaMode, Coding, Mapping, Material, MetallicRoughness, NormalMap, Opacity, Reflection},
     units::Rgb,
 };
 use std::collections::BTreeMap;
@@ -30,26 +30,31 @@ pub(super) struct Materials<'a, 'd> {
     pub(super) textures: Textures<'a, 'd>,
     list: Vec<Json<'d>>,
     converted: BTreeMap<Option<usize>, Converted>,
-    ids: BTreeMap<(Option<usize>, Option<[u32; 3]>), u32>,
+    ids: BTreeMap<Variant, u32>,
     /// Canonical materials.
     pub(super) materials: Vec<Material>,
 }
+
+/// A canonical material by the file's and what a node makes of it: a tint, and how much it stretches a volume.
+type Variant = (Option<usize>, Option<[u32; 3]>, Option<u32>);
 
 /// A material as far as the scene can hold it.
 #[derive(Debug, Clone)]
 struct Converted {
     material: Material,
     two_sided: bool,
+    volume: Option<Volume>,
 }
 
 /// The base colour of a material, whichever extension it is written in.
 #[derive(Clone, Copy)]
-struct Base<'d> {
+pub(super) struct Base<'d> {
     /// What has the texture as a member.
-    owner: Option<Json<'d>>,
+    pub(super) owner: Option<Json<'d>>,
     /// The name of that member.
-    texture: &'static str,
-    color: Rgb,
+    pub(super) texture: &'static str,
+    /// The factor of the colour.
+    pub(super) color: Rgb,
     alpha: f32,
 }
 
@@ -74,17 +79,17 @@ impl<'a, 'd> Materials<'a, 'd> {
     /// The name of a material.
     pub(super) fn name(&self, index: Option<usize>) -> String {
         let Some(index) = index else { return "default".to_owned() };
-        let name = self.list.get(index).and_then(|json| json.get("name")?.string());
-        name.filter(|n| !n.trim().is_empty()).map_or_else(|| format!("material{index}"), |n| n.into_owned())
+        self.list.get(index).and_then(|json| json.name()).unwrap_or_else(|| format!("material{index}"))
     }
 
-    /// The material of a primitive; `tint` is the mean of its vertex colours, for materials that cannot take them vertex by vertex.
-    pub(super) fn choose(&mut self, index: Option<usize>, tint: Option<[f32; 3]>, report: &mut Report<'_>) -> Chosen {
+    /// The material of a primitive. `tint` is the mean of its vertex colours, for materials that cannot take them vertex by vertex; `stretch`
+    /// by how much lengths of its mesh are stretched in the world, for the thickness of volumes.
+    pub(super) fn choose(&mut self, index: Option<usize>, tint: Option<[f32; 3]>, stretch: f64, report: &mut Report<'_>) -> Chosen {
         if !self.converted.contains_key(&index) {
             let converted = self.convert(index, report);
             self.converted.insert(index, converted);
         }
-        let Converted { material, two_sided } = self.converted[&index].clone();
+        let Converted { mut material, two_sided, volume } = self.converted[&index].clone();
         let tint = tint.filter(|t| material.reflection == Reflection::None && *t != [1.0; 3]);
         if let (Some(_), Some(json)) = (tint, index.and_then(|i| self.list.get(i))) {
             report.count(*json, "unlit primitives with vertex colours were given the mean of them");
@@ -95,10 +100,15 @@ impl<'a, 'd> Materials<'a, 'd> {
         });
         let (sets, has_normal_map) = (sets.collect(), material.normal_map.is_some());
         let next = self.materials.len() as u32;
-        let id = *self.ids.entry((index, tint.map(|t| t.map(f32::to_bits)))).or_insert(next);
+        let stretch = rounded(stretch);
+        let key = (index, tint.map(|t| t.map(f32::to_bits)), volume.map(|_| stretch.to_bits()));
+        let id = *self.ids.entry(key).or_insert(next);
         if id == next {
-            let emission = tint.map_or(material.emission, |t| product(material.emission, Rgb::from(t)));
-            self.materials.push(Material { emission, ..material });
+            material.emission = tint.map_or(material.emission, |t| material.emission * Rgb::from(t));
+            if let (Some(volume), Reflection::MetallicRoughness(pbr)) = (volume, &mut material.reflection) {
+                volume.tint(pbr, stretch);
+            }
+            self.materials.push(material);
         }
         Chosen { id, two_sided, sets, has_normal_map }
     }
@@ -121,7 +131,7 @@ impl<'a, 'd> Materials<'a, 'd> {
         let Some(json) = index.and_then(|i| self.list.get(i)).copied() else {
             // glTF 2.0, section 3.9: all properties at their defaults.
             let plain = MetallicRoughness::plain(Rgb::WHITE, 1.0, 1.0);
-            return Converted { material: Material::new(name, Reflection::MetallicRoughness(plain)), two_sided: false };
+            return Converted { material: Material::new(name, Reflection::MetallicRoughness(plain)), two_sided: false, volume: None };
         };
         let two_sided = report.boolean(json, "doubleSided", false);
         let base = Self::base(json, report);
@@ -130,7 +140,8 @@ impl<'a, 'd> Materials<'a, 'd> {
             report.warn_once(json, "occlusion", "occlusion textures are not read: the bake computes what they stand for (said once)");
         }
         if json.extension("KHR_materials_unlit").is_some() {
-            return Converted { material: self.unlit(name, json, base, opacity, report), two_sided };
+            let material = self.unlit(name, json, base, opacity, report);
+            return Converted { material, two_sided, volume: None };
         }
         for (extension, strength) in SKIPPED {
             let Some(found) = json.extension(extension) else { continue };
@@ -140,17 +151,11 @@ impl<'a, 'd> Materials<'a, 'd> {
                 report.warn_once(json, extension, format!("{extension} is not read; its materials are imported without it (said once)"));
             }
         }
-        let mut pbr = match json.extension("KHR_materials_pbrSpecularGlossiness") {
-            Some(extension) => self.specular_glossiness(extension, base, report),
-            None => self.metallic_roughness(base, report),
-        };
-        self.specular(json, &mut pbr, report);
-        self.transmission(json, &mut pbr, report);
-        self.clearcoat(json, &mut pbr, report);
+        let (pbr, volume) = self.reflection(json, base, report);
         let mut material = Material { opacity, ..Material::new(name, Reflection::MetallicRoughness(pbr)) };
         self.emission(json, &mut material, report);
         self.normal_map(json, &mut material, report);
-        Converted { material, two_sided }
+        Converted { material, two_sided, volume }
     }
 
     fn base(json: Json<'d>, report: &mut Report<'_>) -> Base<'d> {
@@ -188,96 +193,6 @@ impl<'a, 'd> Materials<'a, 'd> {
         Material { emission: base.color, emission_texture, opacity, ..Material::new(name, Reflection::None) }
     }
 
-    fn metallic_roughness(&mut self, base: Base<'d>, report: &mut Report<'_>) -> MetallicRoughness {
-        let Some(pbr) = base.owner else { return MetallicRoughness::plain(Rgb::WHITE, 1.0, 1.0) };
-        let metallic = report.number(pbr, "metallicFactor", 1.0, &SHARE) as f32;
-        let roughness = report.number(pbr, "roughnessFactor", 1.0, &SHARE) as f32;
-        MetallicRoughness {
-            layers: self.layers(pbr, base.texture, report),
-            metallic_roughness_texture: self.linear(pbr, "metallicRoughnessTexture", report),
-            ..MetallicRoughness::plain(base.color, metallic, roughness)
-        }
-    }
-
-    /// KHR_materials_pbrSpecularGlossiness: a dielectric whose index of refraction and specular colour give the stated reflectance.
-    fn specular_glossiness(&mut self, extension: Json<'d>, base: Base<'d>, report: &mut Report<'_>) -> MetallicRoughness {
-        let specular = rgb(report.vector(extension, "specularFactor", &SHARE).unwrap_or([1.0; 3]));
-        let gloss = report.number(extension, "glossinessFactor", 1.0, &SHARE) as f32;
-        report.warn_once(extension, "gloss", "KHR_materials_pbrSpecularGlossiness was converted to metallic-roughness (said once)");
-        let texture = self.textures.find(extension, "specularGlossinessTexture", Coding::Srgb, true, report);
-        let rough = texture.filter(|t| t.transparent).and_then(|t| self.textures.roughness_of(extension, t.reference, gloss, report));
-        let most = specular.max_channel();
-        let ior = coat::ior_of(most);
-        let scale = if most > 0.0 { 1.0 / most } else { 0.0 };
-        MetallicRoughness {
-            layers: self.layers(extension, base.texture, report),
-            ior,
-            specular_color: specular * scale,
-            specular_color_texture: texture.map(|t| t.reference),
-            metallic_roughness_texture: rough,
-            ..MetallicRoughness::plain(base.color, 0.0, if rough.is_some() { 1.0 } else { 1.0 - gloss })
-        }
-    }
-
-    /// KHR_materials_ior and KHR_materials_specular.
-    fn specular(&mut self, json: Json<'d>, pbr: &mut MetallicRoughness, report: &mut Report<'_>) {
-        if let Some(extension) = json.extension("KHR_materials_ior") {
-            let ior = report.number(extension, "ior", 1.5, &POSITIVE) as f32;
-            if ior != 0.0 && ior < 1.0 {
-                report.error(extension, format!("the index of refraction is {ior}; it must be 0 or at least 1"));
-            }
-            pbr.ior = ior;
-        }
-        let Some(extension) = json.extension("KHR_materials_specular") else { return };
-        pbr.specular = report.number(extension, "specularFactor", 1.0, &SHARE) as f32;
-        pbr.specular_color = rgb(report.vector(extension, "specularColorFactor", &POSITIVE).unwrap_or([1.0; 3]));
-        let strength = self.textures.find(extension, "specularTexture", Coding::Linear, true, report);
-        pbr.specular_texture = strength.filter(|t| t.transparent).map(|t| t.reference);
-        let color = self.textures.find(extension, "specularColorTexture", Coding::Srgb, false, report);
-        pbr.specular_color_texture = color.map(|t| t.reference);
-    }
-
-    /// KHR_materials_transmission, and KHR_materials_volume as a thin wall that tints what passes it.
-    fn transmission(&mut self, json: Json<'d>, pbr: &mut MetallicRoughness, report: &mut Report<'_>) {
-        if let Some(extension) = json.extension("KHR_materials_transmission") {
-            pbr.transmission = report.number(extension, "transmissionFactor", 0.0, &SHARE) as f32;
-            pbr.transmission_texture = self.linear(extension, "transmissionTexture", report);
-        }
-        let Some(extension) = json.extension("KHR_materials_volume") else { return };
-        let thickness = report.number(extension, "thicknessFactor", 0.0, &POSITIVE);
-        if thickness <= 0.0 || pbr.transmission <= 0.0 {
-            return;
-        }
-        let message = "volumes are taken as thin walls: light is tinted over `thicknessFactor` and goes straight on (said once)";
-        report.warn_once(extension, "volume", message);
-        if extension.get("thicknessTexture").is_some() {
-            report.count(extension, "thickness textures were not read; the thickness factor is used everywhere");
-        }
-        let color = report.vector::<3>(extension, "attenuationColor", &SHARE).unwrap_or([1.0; 3]);
-        let distance = extension.get("attenuationDistance").and_then(|at| report.number_at(at, &POSITIVE));
-        if let Some(distance) = distance.filter(|d| *d > 0.0) {
-            // Beer's law over the thickness; what is reflected is not tinted.
-            let share = (thickness / distance) as f32;
-            let tint = color.map(|c| 1.0 - pbr.transmission + pbr.transmission * math::pow(c as f32, share));
-            pbr.base_color = product(pbr.base_color, Rgb::from(tint));
-        }
-    }
-
-    fn clearcoat(&mut self, json: Json<'d>, pbr: &mut MetallicRoughness, report: &mut Report<'_>) {
-        let Some(extension) = json.extension("KHR_materials_clearcoat") else { return };
-        let strength = report.number(extension, "clearcoatFactor", 0.0, &SHARE) as f32;
-        let roughness = report.number(extension, "clearcoatRoughnessFactor", 0.0, &SHARE) as f32;
-        if strength <= 0.0 {
-            return;
-        }
-        report.warn_once(extension, "coat", "clear coats are folded into the specular lobe below them (said once)");
-        let textures = ["clearcoatTexture", "clearcoatRoughnessTexture", "clearcoatNormalTexture"];
-        if textures.iter().any(|name| extension.get(name).is_some()) {
-            report.count(extension, "textures of clear coats were not read; the factors are used everywhere");
-        }
-        coat::fold(pbr, strength, roughness);
-    }
-
     fn emission(&mut self, json: Json<'d>, material: &mut Material, report: &mut Report<'_>) {
         let strength = json.extension("KHR_materials_emissive_strength");
         let strength = strength.map_or(1.0, |e| report.number(e, "emissiveStrength", 1.0, &POSITIVE)) as f32;
@@ -296,21 +211,14 @@ impl<'a, 'd> Materials<'a, 'd> {
         let texture = self.linear(json, "normalTexture", report);
         material.normal_map = texture.map(|texture| NormalMap { texture, scale });
     }
-
-    fn layers(&mut self, owner: Json<'d>, name: &str, report: &mut Report<'_>) -> Vec<TextureLayer> {
-        let found = self.textures.find(owner, name, Coding::Srgb, false, report);
-        found.map(|t| TextureLayer { texture: t.reference, mode: LayerMode::Modulate { scale: 1.0 } }).into_iter().collect()
-    }
-
-    fn linear(&mut self, owner: Json<'d>, name: &str, report: &mut Report<'_>) -> Option<kiln_proto::scene::TextureRef> {
-        self.textures.find(owner, name, Coding::Linear, false, report).map(|t| t.reference)
-    }
 }
 
-fn rgb(v: [f64; 3]) -> Rgb {
+/// To 11 bits, a thousandth: rotated copies, which rounding stretches differently, share a material.
+fn rounded(stretch: f64) -> f32 {
+    f32::from_bits(((stretch as f32).to_bits() + 0x800) & !0xfff)
+}
+
+/// A colour.
+pub(super) fn rgb(v: [f64; 3]) -> Rgb {
     Rgb::from(v.map(|c| c as f32))
-}
-
-fn product(a: Rgb, b: Rgb) -> Rgb {
-    Rgb::new(a.r * b.r, a.g * b.g, a.b * b.b)
 }

@@ -4,7 +4,8 @@ use super::{
     accessor::{Accessor, Accessors},
     element::Component,
     json::Json,
-    report::{ANY, Report},
+    property::ANY,
+    report::Report,
 };
 use kiln_proto::limits;
 
@@ -85,7 +86,8 @@ fn mesh<'s, 'd>(json: Json<'d>, accessors: &'s Accessors<'d, '_>, materials: usi
         report.error(json, "the mesh has no primitives");
     }
     let list = report.objects(json, "primitives");
-    let primitives: Vec<Primitive<'_, '_>> = list.into_iter().filter_map(|p| primitive(p, accessors, materials, report)).collect();
+    let primitives: Vec<Primitive<'_, '_>> =
+        list.into_iter().filter_map(|p| if report.is_full() { None } else { primitive(p, accessors, materials, report) }).collect();
     let weights: Vec<f64> = report.list(json, "weights").into_iter().filter_map(|w| report.number_at(w, &ANY)).collect();
     for p in &primitives {
         let (first, own) = (primitives[0].targets.len(), p.targets.len());
@@ -232,6 +234,12 @@ impl<'s, 'd> Primitive<'s, 'd> {
             Topology::Triangles => self.corner_count() / 3,
             Topology::Strip | Topology::Fan => self.corner_count().saturating_sub(2),
         }
+    }
+
+    /// How many vertices are read to place it once, counted again for each morph target and set of joints that moves them.
+    pub(super) fn work(&self, weights: &[f64]) -> u64 {
+        let targets = weights.iter().take(self.targets.len()).filter(|w| **w != 0.0).count();
+        (self.positions.count as u64).saturating_mul(1 + targets as u64 + self.influences.len() as u64)
     }
 
     /// Its triangles as vertex indices, counter-clockwise from the front (glTF 2.0, section 3.7.2.1).

@@ -15,14 +15,18 @@ mod element;
 mod extension;
 mod instance;
 mod json;
+mod layout;
 mod light;
 mod material;
 mod mesh;
 mod node;
+mod property;
+mod reflection;
 mod report;
 mod surface;
 mod texture;
 mod uri;
+mod values;
 
 #[cfg(test)]
 mod tests;

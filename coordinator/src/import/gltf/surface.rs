@@ -5,8 +5,8 @@
 
 use super::{
     accessor::Accessors,
-    deform::{Shape, Skin},
-    instance,
+    deform::{Moved, Shape, Skin},
+    instance::Instances,
     json::Json,
     material::{Chosen, Materials},
     mesh::{Mesh, Primitive},
@@ -20,6 +20,11 @@ use kiln_proto::{
     scene::{Part, Surface, Triangle},
 };
 
+/// Vertices that may be read to place the primitives of a scene: so many for each triangle that is made of them, for each byte of the
+/// buffers, and in any scene. An honest primitive has at most three vertices a triangle, or shares a list of them with others.
+const READ_PER_TRIANGLE: u64 = 16;
+const READ_PER_BYTE: u64 = 128;
+const READ: u64 = 1 << 24;
 /// A vertex that no triangle has used yet.
 const UNUSED: u32 = u32::MAX;
 
@@ -36,14 +41,15 @@ pub(super) struct Source<'s, 'd, 'b> {
 pub(super) struct Surfaces {
     pub(super) made: surfaces::Surfaces,
     triangles: usize,
+    /// Vertices read for them.
+    read: u64,
 }
 
 /// A primitive in world space.
 struct Placed<'p, 's, 'd> {
     primitive: &'p Primitive<'s, 'd>,
     shape: Shape,
-    /// Whether its fronts became backs.
-    mirrored: bool,
+    moved: Moved,
     /// Texture coordinates by set, v up; an absent set is empty.
     uvs: Vec<Vec<[f32; 2]>>,
     /// Colours; empty where all are opaque white.
@@ -59,29 +65,58 @@ impl Surfaces {
         materials: &mut Materials<'_, '_>,
         report: &mut Report<'_>,
     ) -> Option<()> {
-        let Some(index) = node.mesh else { return Some(()) };
+        let Some(index) = node.mesh() else { return Some(()) };
         let mesh = &source.meshes[index];
-        let copies = instance::transforms(node, source.accessors, report)?;
-        let each: usize = mesh.primitives.iter().map(Primitive::triangle_count).sum();
-        self.triangles = self.triangles.saturating_add(each.saturating_mul(copies.len()));
-        let surfaces = self.made.len().saturating_add(mesh.primitives.len().saturating_mul(copies.len()));
-        for (what, found, most) in [("triangles", self.triangles, limits::TRIANGLES), ("surfaces", surfaces, limits::SURFACES)] {
-            if found > most {
-                report.error(node.json, format!("with this node the scene has {found} {what}; at most {most} are allowed"));
-                return None;
-            }
-        }
+        let copies = Instances::of(node, source.accessors, report)?;
+        self.count(node, mesh, copies.count, source, report)?;
         let name = surface_name(node.json, mesh.json, index);
-        for copy in copies {
+        for copy in 0..copies.count {
+            let copy = copies.matrix(copy, source.accessors);
             for primitive in &mesh.primitives {
-                let placed = place(node, node.world * copy, mesh, primitive, source, report)?;
-                let chosen = materials.choose(primitive.material, mean(&placed.colors), report);
+                let placed = place(node, *node.world * copy, mesh, primitive, source, report)?;
+                let chosen = materials.choose(primitive.material, mean(&placed.colors), placed.moved.stretch, report);
                 let wanted = match mesh.primitives.len() {
                     1 => name.clone(),
                     _ => format!("{name}.{}", materials.name(primitive.material)),
                 };
                 self.surface(&wanted, &placed, &chosen, source.accessors, report);
             }
+        }
+        Some(())
+    }
+
+    /// Counts what the copies of a mesh add before one is made; `None` where that is too much.
+    fn count(
+        &mut self,
+        node: &Node<'_>,
+        mesh: &Mesh<'_, '_>,
+        copies: usize,
+        source: &Source<'_, '_, '_>,
+        report: &mut Report<'_>,
+    ) -> Option<()> {
+        let each: usize = mesh.primitives.iter().map(Primitive::triangle_count).sum();
+        self.triangles = self.triangles.saturating_add(each.saturating_mul(copies));
+        let surfaces = self.made.len().saturating_add(mesh.primitives.len().saturating_mul(copies));
+        for (what, found, most) in [("triangles", self.triangles, limits::TRIANGLES), ("surfaces", surfaces, limits::SURFACES)] {
+            if found > most {
+                report.error(node.json, format!("with this node the scene has {found} {what}; at most {most} are allowed"));
+                return None;
+            }
+        }
+        let weights = node.weights.as_deref().unwrap_or(&mesh.weights);
+        let joints = node.skin().map_or(0, |skin| source.skins[skin].joint_count() as u64);
+        let each = mesh.primitives.iter().map(|p| p.work(weights).saturating_add(joints)).fold(0, u64::saturating_add);
+        self.read = self.read.saturating_add(each.saturating_mul(copies as u64));
+        let of_bytes = source.accessors.buffers.total().saturating_mul(READ_PER_BYTE);
+        let most = READ.saturating_add(of_bytes).saturating_add(READ_PER_TRIANGLE.saturating_mul(self.triangles as u64));
+        if self.read > most {
+            let message = format!(
+                "with this node {} vertices (counted again for each morph target and set of joints) are read for {} triangles; at most \
+                 {most} are read in such a file; let primitives have no more vertices than they use",
+                self.read, self.triangles
+            );
+            report.error(node.json, message);
+            return None;
         }
         Some(())
     }
@@ -100,7 +135,7 @@ impl Surfaces {
         let mut places = vec![UNUSED; placed.shape.positions.len()];
         for (polygon, corners) in placed.primitive.triangles(accessors).enumerate() {
             let [a, b, c] = corners;
-            let corners = if placed.mirrored { [a, c, b] } else { corners };
+            let corners = if placed.moved.mirrored { [a, c, b] } else { corners };
             let ids = corners.map(|v| {
                 if places[v] == UNUSED {
                     places[v] = self.made.weld.positions.id(placed.shape.positions[v].as_vec3().to_array());
@@ -153,19 +188,19 @@ fn place<'p, 's, 'd>(
     report: &mut Report<'_>,
 ) -> Option<Placed<'p, 's, 'd>> {
     let (accessors, json) = (source.accessors, primitive.json);
-    let weights = node.weights.as_ref().unwrap_or(&mesh.weights);
+    let weights = node.weights.as_deref().unwrap_or(&mesh.weights);
     if !weights.is_empty() && weights.len() != primitive.targets.len() {
         let message = format!("{} weights are given for the {} morph targets of the mesh", weights.len(), primitive.targets.len());
         report.error(node.json, message);
         return None;
     }
-    match (node.skin.is_some(), !primitive.influences.is_empty()) {
+    match (node.skin().is_some(), !primitive.influences.is_empty()) {
         (true, false) => report.count(node.json, "nodes have a skin, but their meshes have no joints; they were not bent"),
         (false, true) => report.count(json, "primitives have joints, but their nodes have no skin; they were not bent"),
         _ => {}
     }
     let mut shape = Shape::read(primitive, weights, accessors);
-    let mirrored = match node.skin.filter(|_| !primitive.influences.is_empty()) {
+    let moved = match node.skin().filter(|_| !primitive.influences.is_empty()) {
         Some(skin) => shape.bend(primitive, &source.skins[skin], source.graph, accessors, report)?,
         None => shape.place(world),
     };
@@ -175,7 +210,7 @@ fn place<'p, 's, 'd>(
     }
     let uvs = primitive.uvs.iter().map(|set| set.map(|set| set.all(&accessors.buffers).map(upright).collect()).unwrap_or_default());
     let uvs = uvs.collect();
-    Some(Placed { primitive, shape, mirrored, uvs, colors: colors(primitive, accessors, report) })
+    Some(Placed { primitive, shape, moved, uvs, colors: colors(primitive, accessors, report) })
 }
 
 /// glTF counts v from the top of an image, a scene from the bottom.
@@ -217,6 +252,5 @@ fn say_what_is_missing(placed: &Placed<'_, '_, '_>, chosen: &Chosen, report: &mu
 
 /// The name of a node, else of its mesh, else a number.
 fn surface_name(node: Json<'_>, mesh: Json<'_>, index: usize) -> String {
-    let named = [node, mesh].into_iter().find_map(|json| json.get("name")?.string().filter(|n| !n.trim().is_empty()));
-    named.map_or_else(|| format!("mesh{index}"), |name| name.into_owned())
+    [node, mesh].into_iter().find_map(Json::name).unwrap_or_else(|| format!("mesh{index}"))
 }

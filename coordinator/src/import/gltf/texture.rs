@@ -4,9 +4,10 @@
 //! image, a transform of KHR_texture_transform has to be turned over too.
 
 use super::{
-    buffer::Buffers,
+    buffer::{Buffers, View},
     json::Json,
-    report::{ANY, Report},
+    property::ANY,
+    report::Report,
     uri::{self, Target},
 };
 use crate::import::{
@@ -22,6 +23,9 @@ use std::{borrow::Cow, collections::BTreeSet};
 
 /// Extensions that bring an image of their own beside the texture's `source`.
 const OTHER_IMAGES: [&str; 4] = ["EXT_texture_avif", "EXT_texture_webp", "KHR_texture_basisu", "MSFT_texture_dds"];
+
+/// Times that the bytes of the buffers are looked at for images that nothing uses; views of one buffer may overlap.
+const UNUSED_LOOKS: u64 = 4;
 
 /// The textures of a file.
 pub(super) struct Textures<'a, 'd> {
@@ -65,7 +69,8 @@ impl<'a, 'd> Textures<'a, 'd> {
         let index = report.index_at(at, "texture", self.textures.len())?;
         let texture = self.textures[index];
         let (wrap, nearest) = self.sampler(texture, report);
-        let image = self.image(texture, Wanted { coding, alpha }, report)?;
+        let source = self.source(texture, report)?;
+        let image = self.decode(source, Wanted { coding, alpha }, report)?;
         let extension = info.extension("KHR_texture_transform");
         let set = report.integer(extension.filter(|e| e.get("texCoord").is_some()).unwrap_or(info), "texCoord", 0);
         if set >= limits::UV_SETS as u64 {
@@ -77,7 +82,25 @@ impl<'a, 'd> Textures<'a, 'd> {
         Some(Use { reference, transparent: image.transparent })
     }
 
-    fn image(&mut self, texture: Json<'_>, wanted: Wanted, report: &mut Report<'_>) -> Option<Image> {
+    /// The means over the image that a member `name` of `owner` describes, which does not become a texture of the scene (see
+    /// [`Images::measure`]); `None` where it describes none, or one that cannot be read, which is told.
+    pub(super) fn mean(&mut self, owner: Json<'_>, name: &str, coding: Coding, report: &mut Report<'_>) -> Option<[f32; 4]> {
+        let at = report.required(owner.get(name)?, "index")?;
+        let index = report.index_at(at, "texture", self.textures.len())?;
+        let source = self.source(self.textures[index], report)?;
+        let (json, image) = (self.sources[source], self.image_name(source));
+        let located = self.locate(json, report)?;
+        let (at, findings) = report.raw(json);
+        let (bundle, buffers) = (self.bundle, self.buffers);
+        match located {
+            Located::File(path) => self.images.measure(path.as_str(), coding, at, findings, || bundle.read(path, limits::BUNDLE_BYTES)),
+            Located::View(view) => self.images.measure(&image, coding, at, findings, || Ok(Cow::Borrowed(buffers.bytes(view)))),
+            Located::Data(bytes) => self.images.measure(&image, coding, at, findings, || Ok(Cow::Owned(bytes))),
+        }
+    }
+
+    /// The image that stands behind a texture.
+    fn source(&mut self, texture: Json<'_>, report: &mut Report<'_>) -> Option<usize> {
         let other = OTHER_IMAGES.iter().find(|name| texture.extension(name).is_some());
         match (texture.get("source"), other) {
             (None, Some(name)) => {
@@ -96,12 +119,17 @@ impl<'a, 'd> Textures<'a, 'd> {
         }
         let index = report.index(texture, "source", "image", self.sources.len())?;
         self.used.insert(index);
-        self.decode(index, wanted, report)
+        Some(index)
+    }
+
+    /// A name that stands for the bytes of an image inside the file.
+    fn image_name(&self, index: usize) -> String {
+        format!("{}#/images/{index}", self.file)
     }
 
     fn decode(&mut self, index: usize, wanted: Wanted, report: &mut Report<'_>) -> Option<Image> {
         let source = self.sources[index];
-        let name = format!("{}#/images/{index}", self.file);
+        let name = self.image_name(index);
         if let Some(known) = self.images.known(&name, wanted) {
             return known;
         }
@@ -110,9 +138,13 @@ impl<'a, 'd> Textures<'a, 'd> {
                 let (at, findings) = report.raw(source);
                 self.images.file(self.bundle, path, wanted, at, findings)
             }
-            Located::Bytes(bytes) => {
+            Located::View(view) => {
                 let (at, findings) = report.raw(source);
-                self.images.bytes(&name, wanted, at, findings, || Ok(bytes))
+                self.images.bytes(&name, wanted, at, findings, || Ok(Cow::Borrowed(self.buffers.bytes(view))))
+            }
+            Located::Data(bytes) => {
+                let (at, findings) = report.raw(source);
+                self.images.bytes(&name, wanted, at, findings, || Ok(Cow::Owned(bytes)))
             }
         }
     }
@@ -121,12 +153,12 @@ impl<'a, 'd> Textures<'a, 'd> {
     fn locate(&self, source: Json<'_>, report: &mut Report<'_>) -> Option<Located<'a>> {
         match (source.get("uri"), source.get("bufferView")) {
             (Some(at), None) => Some(match uri::resolve(self.bundle, self.file, at, report)? {
-                Target::Data(bytes) => Located::Bytes(Cow::Owned(bytes)),
+                Target::Data(bytes) => Located::Data(bytes),
                 Target::File(path) => Located::File(path),
             }),
             (None, Some(at)) => {
                 let view = report.index_at(at, "buffer view", self.buffers.view_count())?;
-                Some(Located::Bytes(Cow::Borrowed(self.buffers.bytes(self.buffers.view_of(view)?))))
+                Some(Located::View(self.buffers.view_of(view)?))
             }
             _ => {
                 report.error(source, "an image has either a `uri` or a `bufferView`");
@@ -152,17 +184,26 @@ impl<'a, 'd> Textures<'a, 'd> {
         report.index(info, "index", "texture", self.textures.len());
     }
 
-    /// Looks at the images that no material uses: what is wrong with them does no harm, but is said.
+    /// Looks at the images that no material uses, once at each file and view: what is wrong with them does no harm, but is said.
     pub(super) fn check_unused(&self, report: &mut Report<'_>) {
         for texture in &self.textures {
             report.index(*texture, "source", "image", self.sources.len());
             report.index(*texture, "sampler", "sampler", self.samplers.len());
         }
+        let (mut files, mut views, mut left) = (BTreeSet::new(), BTreeSet::new(), self.buffers.total().saturating_mul(UNUSED_LOOKS));
         for source in self.sources.iter().enumerate().filter(|(i, _)| !self.used.contains(i)).map(|(_, source)| *source) {
+            if report.is_full() {
+                return;
+            }
             let bytes = match self.locate(source, report) {
                 None => continue,
-                Some(Located::Bytes(bytes)) => Ok(bytes),
-                Some(Located::File(path)) => self.bundle.read(path, limits::BUNDLE_BYTES),
+                Some(Located::File(path)) if files.insert(path) => self.bundle.read(path, limits::BUNDLE_BYTES),
+                Some(Located::View(view)) if views.insert(view) && view.len as u64 <= left => {
+                    left -= view.len as u64;
+                    Ok(Cow::Borrowed(self.buffers.bytes(view)))
+                }
+                Some(Located::Data(bytes)) => Ok(Cow::Owned(bytes)),
+                Some(Located::File(_) | Located::View(_)) => continue,
             };
             match bytes.map(|bytes| texture::size("image", &bytes)) {
                 Err(problem) => report.push_error(problem),
@@ -200,7 +241,8 @@ impl<'a, 'd> Textures<'a, 'd> {
 /// The bytes of an image.
 enum Located<'a> {
     File(&'a BundlePath),
-    Bytes(Cow<'a, [u8]>),
+    View(View),
+    Data(Vec<u8>),
 }
 
 /// KHR_texture_transform (offset x rotation x scale) for coordinates whose v counts up.

@@ -14,7 +14,7 @@ mod transform;
 pub use normals::{Smoothing, smooth};
 pub use polygon::{Cut, has_no_area, newell, triangulate};
 pub use texture::box_mapping;
-pub use transform::{Overflow, axis_angle};
+pub use transform::{Overflow, axis_angle, for_normals, stretch};
 
 use glam::{DVec3, Vec3};
 use std::ops::Range;

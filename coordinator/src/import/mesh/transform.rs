@@ -29,9 +29,9 @@ impl Mesh {
         }
         let linear = DMat3::from_mat4(*matrix);
         let mirrors = linear.determinant() < 0.0;
-        let cofactors = cofactors(&linear, if mirrors { -1.0 } else { 1.0 });
+        let turned = for_normals(linear);
         for n in self.normals.iter_mut().flat_map(|c| &mut c.values) {
-            if let Some(moved) = (cofactors * Vec3::from_array(*n).as_dvec3()).try_normalize() {
+            if let Some(moved) = (turned * Vec3::from_array(*n).as_dvec3()).try_normalize() {
                 *n = moved.as_vec3().to_array();
             }
         }
@@ -42,12 +42,21 @@ impl Mesh {
     }
 }
 
-/// The inverse transpose times the determinant: the same direction without a division, and defined where a side is flattened. It is
-/// scaled to the matrix's size first, so that a scene in nanometres does not underflow.
-fn cofactors(m: &DMat3, sign: f64) -> DMat3 {
+/// What takes normals along with a linear map: its inverse transpose up to a positive factor, without a division, and so also where a side
+/// is flattened; outside stays outside in a mirror. The map is scaled to size one first, so that a scene in nanometres does not underflow.
+#[must_use]
+pub fn for_normals(m: DMat3) -> DMat3 {
     let size = m.to_cols_array().iter().fold(0.0, |a: f64, x| a.max(x.abs()));
-    let m = if size > 0.0 { *m * (1.0 / size) } else { *m };
+    let m = if size > 0.0 { m * (1.0 / size) } else { m };
+    let sign = if m.determinant() < 0.0 { -1.0 } else { 1.0 };
     DMat3::from_cols(m.y_axis.cross(m.z_axis), m.z_axis.cross(m.x_axis), m.x_axis.cross(m.y_axis)) * sign
+}
+
+/// By how much a map stretches lengths: the mean over its axes. The cube root of its volume would be zero for one that flattens.
+#[must_use]
+pub fn stretch(matrix: &DMat4) -> f64 {
+    let axes = [matrix.x_axis, matrix.y_axis, matrix.z_axis];
+    axes.iter().map(|axis| axis.truncate().length()).sum::<f64>() / 3.0
 }
 
 /// The rotation about an axis (any length but zero, which gives no rotation) by an angle in radians: Rodrigues' formula over
@@ -94,6 +103,19 @@ mod tests {
         mesh.transform(&DMat4::from_scale(DVec3::new(1.0, 0.0, 1.0))).unwrap();
         assert!(mesh.normals.unwrap().values.iter().all(|n| (Vec3::from_array(*n).length() - 1.0).abs() < 1e-6));
         assert_eq!(cube().transform(&DMat4::from_scale(DVec3::splat(1e39))), Err(Overflow { position: 0 }));
+    }
+
+    #[test]
+    fn normals_stay_orthogonal_to_what_they_stand_on() {
+        let m = DMat3::from_cols(DVec3::new(-2.0, 0.1, 0.0), DVec3::new(0.3, 0.5, 0.2), DVec3::new(0.0, 0.7, 3.0)) * 1e-120;
+        let (a, b) = (DVec3::new(1.0, 2.0, 0.5), DVec3::new(-0.5, 0.25, 1.0));
+        let normal = a.cross(b);
+        let moved = for_normals(m) * normal;
+        assert!((moved.dot(m * a) * 1e120).abs() < 1e-12 && (moved.dot(m * b) * 1e120).abs() < 1e-12);
+        assert!(moved.dot((m * 1e120).inverse().transpose() * normal) > 0.0, "outside stays outside, also in a mirror");
+        let flat = DMat3::from_diagonal(DVec3::new(1.0, 1.0, 0.0));
+        assert_eq!((for_normals(flat) * DVec3::Z).normalize(), DVec3::Z);
+        assert!((stretch(&DMat4::from_scale(DVec3::new(1.0, -2.0, 6.0))) - 3.0).abs() < 1e-12);
     }
 
     #[test]

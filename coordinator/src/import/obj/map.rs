@@ -1,13 +1,14 @@
 //! The operands of `map_*` statements: options, then the name of a file, which may hold blanks.
 
 /// Options with the number of operands that each takes at least and at most.
-const OPTIONS: [(&str, usize, usize); 13] = [
+const OPTIONS: [(&str, usize, usize); 14] = [
     ("-blendu", 1, 1),
     ("-blendv", 1, 1),
     ("-bm", 1, 1),
     ("-boost", 1, 1),
     ("-cc", 1, 1),
     ("-clamp", 1, 1),
+    ("-colorspace", 1, 1),
     ("-imfchan", 1, 1),
     ("-mm", 2, 2),
     ("-o", 1, 3),
@@ -76,6 +77,8 @@ impl Map {
             // These concern how an image is filtered.
             "-blendu" | "-blendv" | "-boost" | "-texres" => {}
             "-cc" => return values == ["off"],
+            // Colours are sRGB anyway. That numbers are not is told apart where it is known which of them the picture holds.
+            "-colorspace" => return values.first().is_some_and(|v| v.eq_ignore_ascii_case("srgb")),
             "-t" => return values.iter().all(|v| v.parse() == Ok(0.0)),
             _ => return false,
         }

@@ -8,7 +8,8 @@ use super::{
     raw::{Library, Number, RawMaterial, Role, Stated},
 };
 use crate::import::{
-    Bundle, coat,
+    Bundle,
+    coat::{self, Coat},
     findings::{At, Findings},
     images::Image,
 };
@@ -81,8 +82,7 @@ impl<'a> Materials<'a> {
         let layers: Vec<TextureLayer> = base.map(|(_, texture)| layer(texture)).into_iter().collect();
         let through = transmission(raw, &opacity);
         let reflection = if through > 0.0 || is_physical(raw) {
-            let mut physical = self.physical(raw, diffuse, findings);
-            physical.layers = layers;
+            let mut physical = self.physical(raw, diffuse, layers, findings);
             if through > 0.0 {
                 glass(name, raw, through, &mut physical, findings);
                 opacity = Opacity::OPAQUE;
@@ -121,7 +121,7 @@ impl<'a> Materials<'a> {
     }
 
     /// The PBR extension. Roughness that is not stated follows from the highlight, or is middling.
-    fn physical(&mut self, raw: &RawMaterial, diffuse: Rgb, findings: &mut Findings) -> MetallicRoughness {
+    fn physical(&mut self, raw: &RawMaterial, diffuse: Rgb, layers: Vec<TextureLayer>, findings: &mut Findings) -> MetallicRoughness {
         let (roughness, metalness) = (named(raw, Role::Roughness), named(raw, Role::Metallic));
         let texture = self.pictures.surface(roughness, metalness, findings);
         let metallic = raw.number(Number::Metallic).unwrap_or(if metalness.is_some() { 1.0 } else { 0.0 });
@@ -132,7 +132,8 @@ impl<'a> Materials<'a> {
             let at = At::line(raw.file.as_str(), raw.diffuse.map_or(raw.line, |(l, _)| l));
             findings.warn(at, "Kd exceeds 1; it was scaled to reflect no more light than there is");
         }
-        let mut physical = MetallicRoughness { metallic_roughness_texture: texture, ..MetallicRoughness::plain(whole, metallic, rough) };
+        let plain = MetallicRoughness::plain(whole, metallic, rough);
+        let mut physical = MetallicRoughness { layers, metallic_roughness_texture: texture, ..plain };
         if let Some(ior) = raw.number(Number::Refraction).filter(|n| *n >= 1.0) {
             physical.ior = ior;
         }
@@ -144,7 +145,8 @@ impl<'a> Materials<'a> {
         if let Some(coat) = raw.number(Number::Coat).filter(|c| *c > 0.0) {
             let message = "clear coats (Pc) are folded into the specular lobe below them (said once)";
             findings.warn_once(raw.at(Number::Coat), "coat", message);
-            coat::fold(&mut physical, coat, raw.number(Number::CoatRoughness).unwrap_or(0.0));
+            let coat = Coat { strength: coat, roughness: raw.number(Number::CoatRoughness).unwrap_or(0.0) };
+            coat::fold(&mut physical, coat, &mut self.pictures.images);
         }
         physical
     }
@@ -164,6 +166,12 @@ impl<'a> Materials<'a> {
             findings.warn(at, format!("the material `{name}` is invisible: its opacity is 0"));
         }
         let texture = match named(raw, Role::Opacity) {
+            Some(map) if base.is_some_and(|(image, _)| !image.transparent) && is_colour_again(raw, map) => {
+                let message =
+                    format!("map_d is the picture of map_Kd, `{}`, which has no transparent pixels; it was ignored", map.map.file);
+                findings.warn(map.at, message);
+                None
+            }
             Some(map) => self.pictures.opacity(map, findings),
             None => base,
         };
@@ -212,6 +220,12 @@ fn lobe(raw: &RawMaterial, specular: Rgb) -> Lobe {
         Some(3 | 5) if exponent.is_none_or(|n| n >= MIRROR_EXPONENT) && !specular.is_black() => Lobe::Mirror,
         _ => Lobe::Phong { exponent: exponent.unwrap_or(1.0) },
     }
+}
+
+/// Whether a map of opacity is the picture of the colour as it is: exporters name it so for its alpha channel, whether it has one or not.
+fn is_colour_again(raw: &RawMaterial, opacity: Named<'_>) -> bool {
+    let is_same = raw.map(Role::Diffuse).is_some_and(|(_, colour)| colour.file == opacity.map.file);
+    is_same && opacity.map.channel.is_none() && opacity.map.range.is_none()
 }
 
 fn is_physical(raw: &RawMaterial) -> bool {

@@ -2,14 +2,16 @@
 //!
 //! ```text
 //! OBJ text ─ scan, vertices ─► lists ─ shade ─► one mesh with normals ─ build ─► surfaces
-//! MTL text ─ mtl, map ─► raw materials ─ material, pictures ─► materials and textures, as surfaces ask for them
+//! MTL text ─ mtl, map ─► raw materials ─ material, pictures, facts ─► materials and textures, as surfaces ask for them
 //! ```
 
 mod build;
+mod facts;
 mod map;
 mod material;
 mod mtl;
 mod pictures;
+mod polypaint;
 mod raw;
 mod scan;
 mod shade;

@@ -123,6 +123,11 @@ impl Reader<'_> {
         let rgb = match values.as_slice() {
             [v] => Rgb::splat(*v),
             [r, g, b] => Rgb::new(*r, *g, *b),
+            [r, g, b, _] => {
+                let message = format!("{word} has a fourth number, which was ignored: opacity is `d` (said once)");
+                self.findings.warn_once(At::line(self.file.as_str(), line), "fourth", message);
+                Rgb::new(*r, *g, *b)
+            }
             _ => {
                 self.error(line, format!("{word} has {} numbers; 1 or 3 are allowed", values.len()));
                 return None;
@@ -144,8 +149,9 @@ impl Reader<'_> {
         };
         let value = self.finite(line, word, first)?;
         if number == Number::Exponent && value < 0.0 {
-            self.error(line, format!("Ns is {value}, but an exponent cannot be negative"));
-            return None;
+            self.findings
+                .warn(At::line(self.file.as_str(), line), format!("Ns is {value}, but an exponent cannot be negative; it was taken as 0"));
+            return Some(0.0);
         }
         let is_share = !matches!(number, Number::Exponent | Number::Refraction);
         if is_share && !(0.0..=1.0).contains(&value) {
@@ -184,7 +190,7 @@ impl Reader<'_> {
     fn map(&mut self, line: u32, word: &str, role: Role, rest: &str) -> Option<Map> {
         let mut map = map::parse(rest);
         if map.file.is_empty() {
-            self.error(line, format!("{word} names no file"));
+            self.findings.warn(At::line(self.file.as_str(), line), format!("{word} names no file and was ignored"));
             return None;
         }
         let is_number = matches!(role, Role::Exponent | Role::Opacity | Role::Roughness | Role::Metallic | Role::Bump);
@@ -196,6 +202,9 @@ impl Reader<'_> {
         }
         if map.bump.is_some_and(|b| b != 1.0) && !matches!(role, Role::Bump | Role::Normal) {
             map.ignored.push("-bm".to_owned());
+        }
+        if is_number || role == Role::Normal {
+            map.ignored.retain(|option| !option.starts_with("-colorspace"));
         }
         for option in &map.ignored {
             let message = format!("the option `{option}` of {word} is not supported and was ignored");

@@ -1,9 +1,13 @@
 //! The textures of MTL materials: files looked up, options turned into references, and single numbers taken out of pictures.
 //!
 //! The canonical material wants opacity in an alpha channel and roughness and metalness in one texture; MTL has a picture for each. So
-//! textures are made: decoded once more, for the channel that counts, which costs the time of a decoding.
+//! textures are made, each once for all materials that ask for the same: a picture is decoded once to know it and once for each texture that
+//! is made of it. The last one is kept, so that most are decoded once.
 
-use super::map::{Channel, Map};
+use super::{
+    facts::{Facts, Plane},
+    map::{Channel, Map},
+};
 use crate::import::{
     Bundle, BundlePath,
     bundle::Found,
@@ -15,6 +19,7 @@ use kiln_proto::{
     limits,
     scene::{Coding, Texture, TextureRef, Wrap},
 };
+use std::{collections::BTreeMap, rc::Rc};
 
 /// One texture statement: where it stands, in which file, what it says.
 #[derive(Debug, Clone, Copy)]
@@ -24,22 +29,22 @@ pub(super) struct Named<'m> {
     pub(super) map: &'m Map,
 }
 
-/// Single numbers in [0, 255], from the lower left.
-struct Plane {
-    width: u32,
-    height: u32,
-    values: Vec<u8>,
-}
+/// What one channel of a picture is wanted for: the picture, the channel, and the change of its values.
+type Wish<'b> = (&'b BundlePath, Channel, Option<[f32; 2]>);
 
 /// The textures of a file so far.
 pub(super) struct Pictures<'b> {
     bundle: &'b Bundle,
+    /// What is known of the pictures that were decoded; `None` of one that could not be, which was told.
+    facts: BTreeMap<&'b BundlePath, Option<Facts>>,
+    /// The picture that was decoded last.
+    last: Option<(&'b BundlePath, Rc<Decoded>)>,
     pub(super) images: Images,
 }
 
 impl<'b> Pictures<'b> {
     pub(super) fn new(bundle: &'b Bundle) -> Self {
-        Self { bundle, images: Images::default() }
+        Self { bundle, facts: BTreeMap::new(), last: None, images: Images::default() }
     }
 
     /// The file that a map names; `None` where there is none, which is then an error.
@@ -70,19 +75,20 @@ impl<'b> Pictures<'b> {
     pub(super) fn opacity(&mut self, named: Named<'_>, findings: &mut Findings) -> Option<(Image, TextureRef)> {
         let path = self.path(named, findings)?;
         let map = named.map;
-        let decoded = self.decode(path, named.at, findings)?;
-        if decoded.transparent && matches!(map.channel, None | Some(Channel::Matte)) && map.range.is_none() {
+        let transparent = self.facts(path, named.at, findings)?.transparent;
+        if transparent && matches!(map.channel, None | Some(Channel::Matte)) && map.range.is_none() {
             let wanted = Wanted { coding: Coding::Srgb, alpha: true };
             let image = self.images.file(self.bundle, path, wanted, named.at, findings)?;
             return Some((image, reference(image, map)));
         }
-        let channel = map.channel.unwrap_or(if decoded.transparent { Channel::Matte } else { Channel::Luminance });
+        let channel = map.channel.unwrap_or(if transparent { Channel::Matte } else { Channel::Luminance });
         let recipe = format!("opacity\n{path}\n{channel:?}\n{:?}", map.range);
-        let image = self.images.made(&recipe, named.at, findings, |_| {
-            let plane = plane(&decoded.texture, channel, map.range);
+        let image = self.made(&recipe, named.at, findings, |pictures, findings| {
+            let plane = pictures.plane((path, channel, map.range), named.at, findings)?;
             let transparent = plane.values.iter().any(|a| *a < 255);
             let texels = plane.values.iter().flat_map(|a| [255, 255, 255, *a]).collect();
-            Some(Decoded { texture: texture(path, &plane, Coding::Srgb, true, texels), transparent })
+            let texture = texture(path, [plane.width, plane.height], Coding::Srgb, true, texels);
+            Some(Decoded { texture, transparent })
         })?;
         Some((image, reference(image, map)))
     }
@@ -98,40 +104,43 @@ impl<'b> Pictures<'b> {
         let first = roughness.or(metalness)?;
         let packed = roughness.zip(metalness).is_some_and(|(r, m)| r.map.file == m.map.file);
         let mut recipe = String::from("surface");
-        let mut planes = [None, None];
-        for ((slot, named), own) in planes.iter_mut().zip([roughness, metalness]).zip([Channel::Green, Channel::Blue]) {
+        let mut wishes = [None, None];
+        for ((slot, named), own) in wishes.iter_mut().zip([roughness, metalness]).zip([Channel::Green, Channel::Blue]) {
             let Some(named) = named else { continue };
             if reference_of(named.map) != reference_of(first.map) {
                 findings.warn(named.at, "map_Pm lies otherwise on the surface than map_Pr; it was laid like map_Pr");
             }
             let Some(path) = self.path(named, findings) else { continue };
-            let Some(decoded) = self.decode(path, named.at, findings) else { continue };
-            let channel = named.map.channel.unwrap_or(if packed && is_colourful(&decoded.texture) { own } else { Channel::Luminance });
+            let Some(facts) = self.facts(path, named.at, findings) else { continue };
+            let channel = named.map.channel.unwrap_or(if packed && facts.colourful { own } else { Channel::Luminance });
             recipe += &format!("\n{path}\n{channel:?}\n{:?}", named.map.range);
-            *slot = Some((path, plane(&decoded.texture, channel, named.map.range)));
+            *slot = Some((path, channel, named.map.range));
         }
         recipe += if roughness.is_none() { "\nmetal only" } else { "" };
-        let image = self.images.made(&recipe, first.at, findings, |_| {
-            let size = |p: &Option<(&BundlePath, Plane)>| p.as_ref().map_or(0, |(_, p)| u64::from(p.width) * u64::from(p.height));
-            let larger = if size(&planes[1]) > size(&planes[0]) { &planes[1] } else { &planes[0] };
-            let (path, shape) = larger.as_ref()?;
-            let texels = (0..shape.height).flat_map(|y| (0..shape.width).map(move |x| (x, y))).flat_map(|at| {
-                let [r, m] = [0, 1].map(|k| planes[k].as_ref().map_or(255, |(_, p)| p.near(at, shape)));
-                [255, r, m]
-            });
-            let texels = texels.collect();
-            Some(Decoded { texture: texture(path, shape, Coding::Linear, false, texels), transparent: false })
-        })?;
+        let image = self.made(&recipe, first.at, findings, |pictures, findings| pictures.packed(wishes, first.at, findings))?;
         Some(reference(image, first.map))
+    }
+
+    /// Roughness and metalness side by side, at the size of the larger; ones where there is none.
+    fn packed(&mut self, wishes: [Option<Wish<'b>>; 2], at: At<'_>, findings: &mut Findings) -> Option<Decoded> {
+        let planes = wishes.map(|wish| wish.and_then(|wish| Some((wish.0, self.plane(wish, at, findings)?))));
+        let pixels = |plane: &Option<(&BundlePath, Plane)>| plane.as_ref().map_or(0, |(_, p)| u64::from(p.width) * u64::from(p.height));
+        let larger = if pixels(&planes[1]) > pixels(&planes[0]) { &planes[1] } else { &planes[0] };
+        let (path, shape) = larger.as_ref()?;
+        let size = [shape.width, shape.height];
+        let places = (0..shape.height).flat_map(|y| (0..shape.width).map(move |x| (x, y)));
+        let texels = places.flat_map(|place| {
+            let [r, m] = [0, 1].map(|k| planes[k].as_ref().map_or(255, |(_, plane)| plane.near(place, size)));
+            [255, r, m]
+        });
+        Some(Decoded { texture: texture(path, size, Coding::Linear, false, texels.collect()), transparent: false })
     }
 
     /// The mean of the numbers in a picture, [0, 1].
     pub(super) fn mean(&mut self, named: Named<'_>, findings: &mut Findings) -> Option<f32> {
         let path = self.path(named, findings)?;
-        let decoded = self.decode(path, named.at, findings)?;
-        let plane = plane(&decoded.texture, named.map.channel.unwrap_or(Channel::Luminance), named.map.range);
-        let sum: u64 = plane.values.iter().map(|v| u64::from(*v)).sum();
-        Some((sum as f64 / (255.0 * plane.values.len() as f64)) as f32)
+        let map = named.map;
+        Some(self.facts(path, named.at, findings)?.mean(map.channel.unwrap_or(Channel::Luminance), map.range))
     }
 
     /// The normal map in a picture that is named as a bump map, as exporters do; `None` where it is one of heights or missing, which is said.
@@ -141,62 +150,63 @@ impl<'b> Pictures<'b> {
             findings.warn(named.at, format!("the bump map `{file}` is not in the bundle; the surface is baked smooth"));
             return None;
         };
-        let decoded = self.decode(path, named.at, findings)?;
-        if !holds_normals(&decoded.texture) {
-            findings.warn(named.at, format!("the bump map `{path}` holds heights, which are not supported; the surface is baked smooth"));
+        if !self.facts(path, named.at, findings)?.holds_normals {
+            let message = format!("the bump map `{path}` holds heights, which are not supported; the surface is baked smooth (said once)");
+            findings.warn_once(named.at, &format!("heights {path}"), message);
             return None;
         }
-        findings.warn(named.at, format!("the bump map `{path}` holds normals and is used as a normal map"));
+        let message = format!("the bump map `{path}` holds normals and is used as a normal map (said once)");
+        findings.warn_once(named.at, &format!("normals {path}"), message);
         self.picture(named, Coding::Linear, findings).map(|(_, reference)| reference)
     }
 
-    fn decode(&self, path: &BundlePath, at: At<'_>, findings: &mut Findings) -> Option<Decoded> {
+    /// What is known of a picture, which is decoded for that once.
+    fn facts(&mut self, path: &'b BundlePath, at: At<'_>, findings: &mut Findings) -> Option<&Facts> {
+        if !self.facts.contains_key(path) {
+            let facts = self.decode(path, at, findings).map(|decoded| Facts::of(&decoded));
+            self.facts.insert(path, facts);
+        }
+        self.facts.get(path)?.as_ref()
+    }
+
+    /// A texture made once for each recipe.
+    fn made(
+        &mut self,
+        recipe: &str,
+        at: At<'_>,
+        findings: &mut Findings,
+        make: impl FnOnce(&mut Self, &mut Findings) -> Option<Decoded>,
+    ) -> Option<Image> {
+        if let Some(known) = self.images.known_made(recipe) {
+            return known;
+        }
+        let decoded = make(self, findings);
+        self.images.keep_made(recipe, decoded, at, findings)
+    }
+
+    fn plane(&mut self, (path, channel, range): Wish<'b>, at: At<'_>, findings: &mut Findings) -> Option<Plane> {
+        Some(Plane::of(&self.decode(path, at, findings)?.texture, channel, range))
+    }
+
+    /// A picture with all its channels, and anew only if it is not the last one.
+    fn decode(&mut self, path: &'b BundlePath, at: At<'_>, findings: &mut Findings) -> Option<Rc<Decoded>> {
+        if let Some((_, decoded)) = self.last.as_ref().filter(|(last, _)| *last == path) {
+            return Some(decoded.clone());
+        }
+        self.last = None;
+        if findings.is_full() {
+            return None;
+        }
         let bytes = self.bundle.read(path, limits::BUNDLE_BYTES).map_err(|problem| findings.push_error(problem)).ok()?;
         let decoded = texture::decode(path.as_str(), &bytes, Coding::Linear, true);
-        decoded.map_err(|e| findings.error(at, format!("the image `{path}` {e}"))).ok()
+        let decoded = Rc::new(decoded.map_err(|e| findings.error(at, format!("the image `{path}` {e}"))).ok()?);
+        self.last = Some((path, decoded.clone()));
+        Some(decoded)
     }
 }
 
-impl Plane {
-    /// The number at a place of another plane.
-    fn near(&self, (x, y): (u32, u32), of: &Plane) -> u8 {
-        let scaled = |at: u32, from: u32, to: u32| (u64::from(at) * u64::from(to) / u64::from(from)) as usize;
-        self.values[scaled(y, of.height, self.height) * self.width as usize + scaled(x, of.width, self.width)]
-    }
-}
-
-fn texture(path: &BundlePath, shape: &Plane, coding: Coding, has_alpha: bool, texels: Vec<u8>) -> Texture {
-    Texture { name: path.as_str().to_owned(), width: shape.width, height: shape.height, coding, has_alpha, texels }
-}
-
-fn plane(texture: &Texture, channel: Channel, range: Option<[f32; 2]>) -> Plane {
-    let pick = |p: &[u8]| match channel {
-        Channel::Red => p[0],
-        Channel::Green => p[1],
-        Channel::Blue => p[2],
-        Channel::Matte => p.get(3).copied().unwrap_or(255),
-        // Rec. 709 in 256ths.
-        Channel::Luminance => ((54 * u32::from(p[0]) + 183 * u32::from(p[1]) + 19 * u32::from(p[2]) + 128) >> 8).min(255) as u8,
-    };
-    let [base, gain] = range.unwrap_or([0.0, 1.0]);
-    let change = |v: u8| if range.is_some() { (255.0 * base + gain * f32::from(v)).clamp(0.0, 255.0).round() as u8 } else { v };
-    let values = texture.texels.chunks_exact(texture.channels()).map(|p| change(pick(p))).collect();
-    Plane { width: texture.width, height: texture.height, values }
-}
-
-/// Whether some pixels are no greys.
-fn is_colourful(texture: &Texture) -> bool {
-    texture.texels.chunks_exact(texture.channels()).any(|p| p[0].abs_diff(p[1]).max(p[1].abs_diff(p[2])) > 8)
-}
-
-/// Whether nine of ten pixels are unit vectors that look out of the surface.
-fn holds_normals(texture: &Texture) -> bool {
-    let is_normal = |p: &[u8]| {
-        let [x, y, z] = [p[0], p[1], p[2]].map(|c| (f32::from(c) - 128.0) / 127.0);
-        z > 0.0 && (x * x + y * y + z * z - 1.0).abs() < 0.2
-    };
-    let pixels = texture.texels.len() / texture.channels();
-    texture.texels.chunks_exact(texture.channels()).filter(|p| is_normal(p)).count() * 10 >= pixels * 9
+fn texture(path: &BundlePath, [width, height]: [u32; 2], coding: Coding, has_alpha: bool, texels: Vec<u8>) -> Texture {
+    Texture { name: path.as_str().to_owned(), width, height, coding, has_alpha, texels }
 }
 
 fn reference(image: Image, map: &Map) -> TextureRef {

@@ -13,9 +13,6 @@ use crate::import::findings::{At, Findings};
 use kiln_proto::limits;
 use std::collections::BTreeMap;
 
-/// Corners of one polygon: ear clipping takes their square.
-const POLYGON_CORNERS: usize = 4_096;
-
 /// References to later definitions that are noted one by one.
 const AHEAD: usize = 1_000;
 
@@ -76,6 +73,7 @@ pub(super) fn scan(file: &str, text: &str, findings: &mut Findings) -> Scan {
             break;
         }
     }
+    scanner.out.vertices.paint(file, text, scanner.findings);
     scanner.finish();
     scanner.out
 }
@@ -105,6 +103,10 @@ impl Scanner<'_> {
             "f" | "fo" => self.face(line, rest),
             "o" => self.now.object = self.name(line, rest),
             "g" => self.now.group = self.name(line, rest),
+            "usemtl" if rest.len() > limits::NAME_BYTES => {
+                let (found, most) = (rest.len(), limits::NAME_BYTES);
+                self.error(line, format!("the name has {found} bytes; those of materials have at most {most}"));
+            }
             "usemtl" => self.now.material = self.name(line, rest),
             "s" => self.now.smoothing = self.smoothing(line, rest),
             "mtllib" => self.library(line, rest),
@@ -122,12 +124,9 @@ impl Scanner<'_> {
         self.findings.error(At::line(self.file, line), message);
     }
 
-    /// The id of a name; `None` for an empty one.
+    /// The id of a name; `None` for an empty one. Groups have names of any length: CAD programs list all assemblies around a part, and
+    /// surfaces are called by the beginning.
     fn name(&mut self, line: u32, rest: &str) -> Option<usize> {
-        if rest.len() > limits::NAME_BYTES {
-            self.error(line, format!("the name has {} bytes; at most {} are allowed", rest.len(), limits::NAME_BYTES));
-            return None;
-        }
         if rest.is_empty() {
             return None;
         }
@@ -165,8 +164,8 @@ impl Scanner<'_> {
 
     fn face(&mut self, line: u32, rest: &str) {
         let count = rest.split_whitespace().count();
-        if !(3..=POLYGON_CORNERS).contains(&count) {
-            self.error(line, format!("a face has 3 to {POLYGON_CORNERS} corners; this one has {count}"));
+        if count < 3 {
+            self.error(line, format!("a face has 3 corners or more; this one has {count}"));
             return;
         }
         self.triangles += count - 2;

@@ -11,7 +11,9 @@ use kiln_proto::{
 };
 use std::io::Cursor;
 
+mod exporters;
 mod looks;
+mod pictures;
 
 const SQUARE: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n";
 /// A roof: two squares that meet in an edge at a right angle.

@@ -50,10 +50,14 @@ pub(super) fn statements(text: &str) -> impl Iterator<Item = Statement<'_>> {
         loop {
             let (line, first) = lines.next()?;
             let mut text = Cow::Borrowed(first);
-            while let Some(begun) = text.strip_suffix('\\') {
-                let mut joined = begun.to_owned();
-                joined.push(' ');
-                joined.push_str(lines.next().map_or("", |(_, next)| next));
+            if first.ends_with('\\') {
+                let mut joined = first.to_owned();
+                // Joined in place: a file of nothing but continued lines is one statement, and each of its bytes is copied once.
+                while joined.ends_with('\\') {
+                    joined.pop();
+                    joined.push(' ');
+                    joined.push_str(lines.next().map_or("", |(_, next)| next));
+                }
                 text = Cow::Owned(joined);
             }
             if !text.trim().is_empty() {
@@ -123,6 +127,13 @@ mod tests {
             assert_eq!((*line, word.as_str()), (l, w));
             assert_eq!(rest.split_whitespace().collect::<Vec<_>>(), r.split_whitespace().collect::<Vec<_>>());
         }
+    }
+
+    /// Joined one by one, these would be copied to the square of their number: 45 GB.
+    #[test]
+    fn many_continued_lines_are_one_statement() {
+        let found = all(&format!("f{}1", " 1 \\\n".repeat(300_000)));
+        assert_eq!((found.len(), found[0].0, found[0].2.split_whitespace().count()), (1, 1, 300_001));
     }
 
     #[test]

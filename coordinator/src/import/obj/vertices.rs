@@ -4,6 +4,7 @@
 //! for the eye (sRGB), as these tools paint and write them; Blender turns its linear colours into sRGB to export them. Tools that count from
 //! 0 to 255 give themselves away by a number above 1.
 
+use super::polypaint;
 use crate::import::findings::{At, Findings};
 use kiln_proto::math;
 
@@ -12,6 +13,9 @@ pub(super) const KINDS: [&str; 3] = ["vertex", "texture coordinate", "normal"];
 
 /// Numbers of one statement that are looked at.
 const MOST: usize = 8;
+
+/// Steps of 32-bit numbers that an extent must have for a shape to be told.
+const STEPS: f64 = 32_768.0;
 
 /// Stands for the colour of a vertex that has none until all are read: above any white.
 const UNCOLOURED: [f32; 3] = [f32::INFINITY; 3];
@@ -41,7 +45,13 @@ impl Vertices {
     pub(super) fn statement(&mut self, word: &str, at: At<'_>, line: u32, rest: &str, findings: &mut Findings) {
         match word {
             "v" => self.position(at, line, rest, findings),
+            "vt" if has_none(rest) => {
+                findings.count(at, "texture coordinates that are no numbers (nan) were taken as 0");
+                self.uvs.push([0.0; 2]);
+            }
             "vt" => self.uvs.push(padded(&numbers(at, rest, KINDS[1], 1, findings))),
+            // A normal without a length is what a face is shaded without.
+            _ if has_none(rest) => self.normals.push([0.0; 3]),
             _ => self.normals.push(padded(&numbers(at, rest, KINDS[2], 3, findings))),
         }
     }
@@ -62,8 +72,9 @@ impl Vertices {
         self.positions.push(padded(&values));
     }
 
-    /// Makes the colours linear, once all are read.
+    /// Looks at the lists as a whole, once all are read, and makes the colours linear.
     pub(super) fn finish(&mut self, file: &str, findings: &mut Findings) {
+        self.check_distance(file, findings);
         let Some((line, count)) = self.coloured else { return };
         let at = At::line(file, line);
         if count < self.positions.len() {
@@ -86,6 +97,50 @@ impl Vertices {
     }
 }
 
+impl Vertices {
+    /// Warns of a model so far from the origin that its shape is lost in the rounding of 32 bits, as surveys in map coordinates are.
+    fn check_distance(&self, file: &str, findings: &mut Findings) {
+        let bounds = |axis: usize| {
+            let values = self.positions.iter().map(|p| p[axis]);
+            values.fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)))
+        };
+        let bounds = [0, 1, 2].map(bounds);
+        let size = bounds.iter().map(|(low, high)| f64::from(*high) - f64::from(*low)).fold(0.0, f64::max);
+        for ((low, high), axis) in bounds.into_iter().zip(["x", "y", "z"]) {
+            let far = low.abs().max(high.abs());
+            let step = f64::from(far.next_up()) - f64::from(far);
+            if step * STEPS > size && size > 0.0 {
+                let message = format!(
+                    "along {axis} the vertices lie {far} from the origin, where numbers of 32 bits are {step} apart, and the model is {size} \
+                     long: its shape suffers; move it to the origin before it is exported"
+                );
+                findings.warn(At::file(file), message);
+            }
+        }
+    }
+
+    /// Takes the colours that ZBrush writes into comments, where the vertices have none of their own.
+    pub(super) fn paint(&mut self, file: &str, text: &str, findings: &mut Findings) {
+        let Some((line, colours)) = polypaint::read(file, text, findings).filter(|_| self.coloured.is_none()) else { return };
+        let (found, vertices) = (colours.len(), self.positions.len());
+        if found > vertices {
+            let message = format!("there are {found} colours of polypaint for {vertices} vertices; the last were ignored");
+            findings.warn(At::line(file, line), message);
+        }
+        self.coloured = Some((line, found));
+        self.colours = colours;
+        self.colours.truncate(vertices);
+    }
+}
+
+/// Whether a number is none, in the words of C libraries: `nan`, `-nan(ind)`, `1.#QNAN`, `-1.#IND`.
+fn has_none(rest: &str) -> bool {
+    rest.split_whitespace().take(3).any(|word| {
+        let word = word.trim_start_matches(['-', '+']);
+        word.contains(".#") || word.get(..3).is_some_and(|head| head.eq_ignore_ascii_case("nan"))
+    })
+}
+
 fn padded<const N: usize>(values: &[f32]) -> [f32; N] {
     std::array::from_fn(|i| values.get(i).copied().unwrap_or(0.0))
 }
@@ -103,7 +158,8 @@ fn numbers(at: At<'_>, rest: &str, what: &str, least: usize, findings: &mut Find
                 return vec![];
             }
             Err(_) => {
-                findings.error(at, format!("the {what} has `{}` where a number should be", shown()));
+                let hint = if word.contains(',') { "; decimals have a point, not a comma" } else { "" };
+                findings.error(at, format!("the {what} has `{}` where a number should be{hint}", shown()));
                 return vec![];
             }
         }

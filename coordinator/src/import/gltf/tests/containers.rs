@@ -38,6 +38,9 @@ fn a_binary_file_is_read_whatever_follows_its_chunks() {
     longer.extend(b"tail");
     let found = outcome(&[("a.glb", &longer)], None);
     assert!(found.warns("4 bytes behind the end"), "{:?}", found.warnings);
+    let zeros = format!("{json}{}", "\0".repeat(8 - json.len() % 4));
+    let found = outcome(&[("a.glb", &binary(&[(b"JSON", zeros.as_bytes()), (b"BIN\0", &bytes)]))], None);
+    assert!(found.warns("the JSON is filled up with zeros") && found.scene().triangle_count() == 1);
     let mut sample = Sample::triangle();
     sample.json["nodes"][0]["mesh"] = json!(7);
     let file = binary(&[(b"JSON", sample.text().as_bytes())]);

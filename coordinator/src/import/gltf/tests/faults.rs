@@ -187,3 +187,47 @@ fn a_small_file_cannot_ask_for_a_huge_scene() {
     sample.floats("VEC3", &vec![0.0; 3 * count]);
     assert!(sample.error().contains("with this node the scene has 60000000 triangles"), "{}", sample.error());
 }
+
+/// The validator's verdicts on files of its own that come without their buffers: the same data, here inside the file.
+#[test]
+fn the_validator_s_faults_of_data_are_not_accepted_in_silence() {
+    let mut sample = Sample::new();
+    let indices = sample.accessor(5121, "SCALAR", &[0, 1, 2, 3, 4, 5], 6);
+    let bounds = json!({ "componentType": 5126, "type": "VEC3", "count": 4, "min": [-1, -1, -1], "max": [1, 1, 1] });
+    let positions = sample.push("accessors", bounds);
+    sample.push("meshes", json!({ "primitives": [{ "attributes": { "POSITION": positions }, "indices": indices }] }));
+    assert!(
+        sample.error().contains("/meshes/0/primitives/0/indices: index 4 is 4, but the primitive has 4 vertices"),
+        "{}",
+        sample.error()
+    );
+    let mut sample = Sample::triangle();
+    let values: Vec<u8> = [0u16, 1, 2, 5, 6, 7].iter().flat_map(|v| v.to_le_bytes()).collect();
+    let wrong = sample.accessor(5123, "VEC3", &values, 2);
+    sample.json["accessors"][wrong]["min"] = json!([3, 3, 3]);
+    sample.json["accessors"][wrong]["max"] = json!([4, 4, 4]);
+    let found = sample.import();
+    assert!(found.warns("/accessors/1/min/0: the min 3 is not that of the data, 0"), "{:?}", found.warnings);
+    assert!(found.warns("/accessors/1/max/0: the max 4 is not that of the data, 5"), "{:?}", found.warnings);
+    let mut sample = Sample::triangle();
+    sample.push("images", json!({ "uri": "broken.jpg" }));
+    let found = outcome(&[("a.gltf", sample.text().as_bytes()), ("broken.jpg", b"\xff\xd8\xff\xe0\0\0JFIF")], None);
+    assert!(found.warns("/images/0: the image cannot be decoded") && found.warns("no material uses it"), "{:?}", found.warnings);
+}
+
+/// Numbers that went through single precision, and zeros where blanks should fill up the JSON of a binary file.
+#[test]
+fn the_slips_of_exporters_are_repaired_with_a_word() {
+    let row = json!([1, 0, 0, 0, 0, 1, 0, 1e-7, 0, 0, 1, 0, 5, 0, 0, 0.999_999_9]);
+    let found = changed(&[("/nodes/0/matrix", row)]).import();
+    assert!(found.warns("/nodes/0: matrices whose last row is 0, 0, 0, 1 but for rounding (taken as that): 1"), "{:?}", found.warnings);
+    assert_eq!(corners(&found.scene(), 0, 0)[0], [5.0, 0.0, 0.0]);
+    let row = json!([1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 5, 0, 0, 0.9]);
+    assert!(changed(&[("/nodes/0/matrix", row)]).error().contains("the last row of `matrix` must be 0, 0, 0, 1"));
+    let color = |c: f64| json!({ "pbrMetallicRoughness": { "baseColorFactor": [c, 0.5, 0, 1], "metallicFactor": -1e-8 } });
+    let found = Sample::textured(color(1.000_000_1)).import();
+    assert!(found.warns("/materials/0/pbrMetallicRoughness/baseColorFactor/0: values that rounding put out of range were brought back: 2"));
+    let scene = found.scene();
+    assert_eq!((pbr(&scene.materials[0]).base_color.r, pbr(&scene.materials[0]).metallic), (1.0, 0.0));
+    assert!(Sample::textured(color(1.001)).error().contains("the value 1.001 is out of range; it must lie in [0, 1]"));
+}

@@ -1,6 +1,7 @@
 //! Small files made in memory, one for each rule and each fault.
 
 mod animation;
+mod bounds;
 mod containers;
 mod faults;
 mod geometry;

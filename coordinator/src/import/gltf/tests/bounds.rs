@@ -1,0 +1,118 @@
+//! Small files that ask for much: what they cost is known before it is spent.
+
+use super::*;
+
+/// Accessors of single bytes in a view of zeros.
+fn lists(bytes: usize, number: usize, layout: impl Fn(usize) -> (usize, usize)) -> Sample {
+    let mut sample = Sample::triangle();
+    let view = sample.view(&vec![0; bytes]);
+    let one = |i| {
+        let (offset, count) = layout(i);
+        json!({ "bufferView": view, "componentType": 5121, "type": "SCALAR", "byteOffset": offset, "count": count })
+    };
+    sample.json["accessors"].as_array_mut().unwrap().extend((0..number).map(one));
+    sample
+}
+
+#[test]
+fn the_same_data_are_looked_at_once_whoever_names_them() {
+    let same = lists(60_000, 3_000, |_| (0, 60_000)).import();
+    assert_eq!(same.errors, [""; 0]);
+    let errors = lists(60_000, 3_000, |i| (i, 60_000 - i)).import().errors;
+    assert!(errors[0].contains("/accessors/") && errors[0].contains("name 16 times as many numbers"), "{errors:?}");
+}
+
+#[test]
+fn key_frames_that_do_not_rise_are_found_once_for_all_samplers() {
+    let mut sample = Sample::triangle();
+    let (times, values) = (sample.floats("SCALAR", &[0.0, 1.0, 1.0]), sample.floats("VEC3", &[0.0; 9]));
+    let again = sample.json["accessors"][times].clone();
+    let again = sample.push("accessors", again);
+    let sampler = |input: usize| json!({ "input": input, "output": values });
+    sample.push("animations", json!({ "samplers": [sampler(times), sampler(again)], "channels": [] }));
+    let errors = sample.import().errors;
+    assert_eq!(errors.len(), 2);
+    assert!(errors.iter().all(|e| e.contains("time 2 is 1; times must be 0 or more and rise")), "{errors:?}");
+    let mut early = Sample::triangle();
+    let (times, values) = (early.floats("SCALAR", &[-1.0, 1.0]), early.floats("VEC3", &[0.0; 6]));
+    early.push("animations", json!({ "samplers": [{ "input": times, "output": values }], "channels": [] }));
+    assert!(early.error().contains("time 0 is -1"));
+}
+
+/// Each of these nodes would have weights of its own: a gigabyte from a hundred kilobytes.
+#[test]
+fn animated_weights_are_counted() {
+    let mut sample = Sample::triangle();
+    let times = sample.floats("SCALAR", &[0.0]);
+    let values = sample.push("accessors", json!({ "componentType": 5126, "type": "SCALAR", "count": 15_000 }));
+    let nodes: Vec<Value> = (0..100).map(|_| json!({})).collect();
+    sample.json["nodes"].as_array_mut().unwrap().extend(nodes);
+    let channels: Vec<Value> = (1..=100).map(|node| json!({ "sampler": 0, "target": { "node": node, "path": "weights" } })).collect();
+    sample.push("animations", json!({ "samplers": [{ "input": times, "output": values }], "channels": channels }));
+    let padding = " ".repeat(60_000);
+    let at = |time| outcome(&[("a.gltf", format!("{}{padding}", sample.text()).as_bytes())], time);
+    assert_eq!(at(None).errors, [""; 0]);
+    let errors = at(Some(0.0)).errors;
+    assert!(errors[0].contains("/animations/0/channels/69/target: with its 15000 weights the channels have more"), "{errors:?}");
+}
+
+/// One triangle of 20,000 vertices, copied and morphed: few triangles, and much to read.
+#[test]
+fn vertices_that_no_triangle_uses_are_not_read_without_end() {
+    let mut sample = Sample::triangle();
+    let positions = sample.floats("VEC3", &[0.0; 60_000]);
+    let indices = sample.accessor(5121, "SCALAR", &[0, 1, 2, 0], 3);
+    let translations = sample.floats("VEC3", &[0.0; 18_000]);
+    let primitive = &mut sample.json["meshes"][0]["primitives"][0];
+    primitive["attributes"]["POSITION"] = json!(positions);
+    primitive["indices"] = json!(indices);
+    sample.json["nodes"][0]["extensions"] = json!({ "EXT_mesh_gpu_instancing": { "attributes": { "TRANSLATION": translations } } });
+    let error = sample.error();
+    assert!(error.contains("/nodes/0: with this node 120000000 vertices") && error.contains("are read for 6000 triangles"), "{error}");
+    sample.json["nodes"][0].as_object_mut().unwrap().remove("extensions");
+    sample.json["meshes"][0]["primitives"][0]["targets"] = Value::Array(vec![json!({ "POSITION": positions }); 6_000]);
+    sample.json["meshes"][0]["weights"] = json!(vec![1; 6_000]);
+    assert!(sample.error().contains("with this node 120020000 vertices"), "{}", sample.error());
+    // Targets without weight are not read.
+    sample.json["meshes"][0]["weights"] = json!(vec![0; 6_000]);
+    assert!(sample.error().contains("no node of the scene shows a triangle"));
+}
+
+#[test]
+fn too_many_instances_are_refused_before_the_first() {
+    let mut sample = Sample::triangle();
+    let turns = sample.accessor(5120, "VEC4", &[0, 0, 0, 127, 0, 0, 127, 0].repeat(35_000), 70_000);
+    sample.json["nodes"][0]["extensions"] = json!({ "EXT_mesh_gpu_instancing": { "attributes": { "ROTATION": turns } } });
+    assert!(sample.error().contains("floats are expected here, or normalized integers with a sign"), "{}", sample.error());
+    sample.json["accessors"][turns]["normalized"] = json!(true);
+    assert!(sample.error().contains("the scene has 70000 surfaces; at most 65535 are allowed"), "{}", sample.error());
+    sample.json["accessors"][turns]["count"] = json!(2);
+    assert_eq!(sample.scene().surfaces.len(), 2);
+    let places = sample.accessor(5121, "VEC3", &[0; 6], 2);
+    sample.json["nodes"][0]["extensions"] = json!({ "EXT_mesh_gpu_instancing": { "attributes": { "TRANSLATION": places } } });
+    assert!(sample.error().contains("floats are expected here; the component type is 5121"), "{}", sample.error());
+}
+
+#[test]
+fn an_image_that_nothing_uses_is_looked_at_once() {
+    let mut sample = Sample::triangle();
+    let view = sample.view(b"no image");
+    for image in [json!({ "uri": "b" }), json!({ "bufferView": view, "mimeType": "image/png" })] {
+        for _ in 0..3 {
+            sample.push("images", image.clone());
+        }
+    }
+    let found = outcome(&[("a.gltf", sample.text().as_bytes()), ("b", b"no image either")], None);
+    let said: Vec<&String> = found.warnings.iter().filter(|w| w.contains("no material uses it")).collect();
+    assert!(said.len() == 2 && said[0].contains("/images/0") && said[1].contains("/images/3"), "{said:?}");
+}
+
+#[test]
+fn what_is_said_often_is_said_once_and_what_is_not_said_is_counted() {
+    let mut sample = Sample::triangle();
+    sample.json["extensionsUsed"] = json!(["EXT_one", "EXT_one", "EXT_two", "EXT_one"]);
+    assert_eq!(sample.import().warnings.iter().filter(|w| w.contains("is not read; what it says was ignored")).count(), 2);
+    sample.json["extensionsUsed"] = json!((0..150).map(|i| format!("EXT_{i}")).collect::<Vec<_>>());
+    let found = sample.import();
+    assert!(found.warns("/extensionsUsed/99") && !found.warns("/extensionsUsed/100") && found.warns("50 further warnings"));
+}
