@@ -2,7 +2,7 @@
 //!
 //! A tile is a cell of the 32-texel grid that holds light, covered texels or gutter. Which do follows from the layout through
 //! `SurfaceRaster::tile`, the very function that workers and assembly use, so the counts cannot disagree with what is baked. Cost: about
-//! 1,300 texel look-ups a cell; a million texels take a fraction of a second, shared among threads.
+//! 1,600 texel look-ups a cell; a million texels take a fraction of a second, shared among threads.
 
 use crate::{
     records::Problem,
