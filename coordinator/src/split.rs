@@ -32,7 +32,7 @@ pub fn make_plan(scene: &Scene, scene_hash: SceneHash, settings: &BakeSettings) 
         plan.tiles = tiles(scene, surface, plan, settings);
         plan.covered = plan.tiles.iter().map(|t| u64::from(t.covered)).sum();
         if plan.covered == 0 {
-            let message = format!("surface `{}` covers no texel centre of its {} texture: it gets no light field", surface.name, plan.size);
+            let message = format!("surface `{}` covers no texel of its {} texture: it gets no light field", surface.name, plan.size);
             warnings.push(Problem { message, file: None, line: None });
         }
         warnings.extend(check_samples(scene, surface, plan, settings)?);
