@@ -54,6 +54,9 @@ pub(crate) struct Args {
     /// Rays along each side of a pixel, 1 to 4; a pixel shows their mean.
     #[arg(long, value_name = "N", value_parser = view::antialias, default_value_t = DEFAULT_ANTIALIAS)]
     pub(crate) antialias: u32,
+    /// A plain colour behind the scene, though it has an environment.
+    #[arg(long)]
+    pub(crate) hide_environment: bool,
     /// Where radiance comes from: codec for the encoded files, raw for the kept samples.
     #[arg(long, value_parser = word::<Origin>, default_value = "codec")]
     pub(crate) from: Origin,
@@ -70,8 +73,8 @@ pub(crate) fn run(args: &Args, json: bool, out: &mut dyn Write) -> Result<(), To
     if args.from == Origin::Raw && package.plan.settings.raw.is_none() {
         return Err(ToolError::NoRaw { path: package.dir });
     }
-    let &Args { eye, target, up, fov, size, exposure, mode, antialias, from, .. } = args;
-    let asked = View { camera: args.camera.clone(), eye, target, up, fov, size, exposure, mode, antialias };
+    let &Args { eye, target, up, fov, size, exposure, mode, antialias, hide_environment, from, .. } = args;
+    let asked = View { camera: args.camera.clone(), eye, target, up, fov, size, exposure, mode, antialias, hide_environment };
     let camera = asked.camera(&package.scene).map_err(|e| ToolError::Usage(e.to_string()))?;
     let begun = Instant::now();
     let mut light = Light::new(&package, &package.scene, &package.plan, from, Trust::Checksum);

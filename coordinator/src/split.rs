@@ -2,7 +2,7 @@
 //!
 //! A tile is a cell of the 32-texel grid that holds light, covered texels or gutter. Which do follows from the layout through
 //! `SurfaceRaster::tile`, the very function that workers and assembly use, so the counts cannot disagree with what is baked. Cost: about
-//! 1,300 texel look-ups a cell; a million texels take a fraction of a second, shared among threads.
+//! 1,600 texel look-ups a cell; a million texels take a fraction of a second, shared among threads.
 
 use crate::{
     records::Problem,
@@ -32,7 +32,7 @@ pub fn make_plan(scene: &Scene, scene_hash: SceneHash, settings: &BakeSettings) 
         plan.tiles = tiles(scene, surface, plan, settings);
         plan.covered = plan.tiles.iter().map(|t| u64::from(t.covered)).sum();
         if plan.covered == 0 {
-            let message = format!("surface `{}` covers no texel centre of its {} texture: it gets no light field", surface.name, plan.size);
+            let message = format!("surface `{}` covers no texel of its {} texture: it gets no light field", surface.name, plan.size);
             warnings.push(Problem { message, file: None, line: None });
         }
         warnings.extend(check_samples(scene, surface, plan, settings)?);

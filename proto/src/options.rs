@@ -1,6 +1,7 @@
 //! Import options: what a request may say of how a scene file is to be read. They act before the canonical scene exists, so a scene imported
 //! with other options is another scene with another address. Every field is optional; unknown ones are refused by name.
 
+use crate::limits;
 use serde::{Deserialize, Serialize};
 use std::{fmt, str::FromStr};
 
@@ -91,7 +92,7 @@ impl ImportOptions {
     /// Checks the ranges of numbers.
     ///
     /// # Errors
-    /// A time, a rotation or an intensity that is not finite, or negative where that means nothing.
+    /// A time, a rotation or an intensity that is not finite, negative where that means nothing, or beyond [`limits::BRIGHTEST`].
     pub fn check(&self) -> Result<(), BadOption> {
         let bad = |field, reason: String| Err(BadOption { field, reason });
         match self {
@@ -99,8 +100,8 @@ impl ImportOptions {
             Self { environment_rotation: r, .. } if !r.is_finite() => {
                 bad("environment_rotation", format!("{r} is not a number of degrees"))
             }
-            Self { environment_intensity: Some(i), .. } if !(i.is_finite() && *i >= 0.0) => {
-                bad("environment_intensity", format!("{i} is not a factor from 0 on"))
+            Self { environment_intensity: Some(i), .. } if !(0.0..=limits::BRIGHTEST).contains(i) => {
+                bad("environment_intensity", format!("{i} is not a factor from 0 to {:e}", limits::BRIGHTEST))
             }
             Self { environment: None, environment_intensity: Some(_), .. } => {
                 bad("environment_intensity", "there is no environment that it could act on".to_owned())
@@ -156,6 +157,7 @@ mod tests {
         assert_eq!(bad(r#"{"time": -1}"#), "time");
         assert_eq!(bad(r#"{"environment": "a.hdr", "environment_intensity": -1}"#), "environment_intensity");
         assert_eq!(bad(r#"{"environment_intensity": 2}"#), "environment_intensity");
+        assert_eq!(bad(r#"{"environment": "a.hdr", "environment_intensity": 1.1e13}"#), "environment_intensity");
         ImportOptions::default().check().unwrap();
     }
 }

@@ -3,80 +3,21 @@
 //! A preset gives every value a default that suits its purpose; a patch overrides single fields. Unknown fields are refused by name, so
 //! that a typing error never silently bakes with a default.
 
+mod codec;
+mod exposure;
+mod size;
+
+pub use codec::{Codec, RawFormat, Rule, RuleName};
+pub use exposure::ExposureMode;
+pub use size::{BadTextureSize, TextureSize};
+
 use crate::{
     frame::FrameRule,
     grid::{SphericalGrid, Walk},
     limits,
-    units::Exposure,
 };
 use serde::{Deserialize, Serialize};
-use std::{collections::BTreeMap, fmt, ops::RangeInclusive, str::FromStr};
-
-/// Texels of a surface's texture: width along u, height along v.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(try_from = "String", into = "String")]
-pub struct TextureSize {
-    /// Texels along u, 1 to [`limits::TEXTURE_SIDE`].
-    pub width: u32,
-    /// Texels along v, 1 to [`limits::TEXTURE_SIDE`].
-    pub height: u32,
-}
-
-/// Why a texture size was refused.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("texture size `{text}`: expected WIDTHxHEIGHT such as 200x100, each from 1 to {max}", max = limits::TEXTURE_SIDE)]
-pub struct BadTextureSize {
-    text: String,
-}
-
-impl TextureSize {
-    /// A size within the limits.
-    ///
-    /// # Errors
-    /// Sides of zero or above [`limits::TEXTURE_SIDE`].
-    pub fn new(width: u32, height: u32) -> Result<Self, BadTextureSize> {
-        let side = 1..=limits::TEXTURE_SIDE;
-        if side.contains(&width) && side.contains(&height) {
-            Ok(Self { width, height })
-        } else {
-            Err(BadTextureSize { text: format!("{width}x{height}") })
-        }
-    }
-
-    /// Texels, covered or not.
-    #[must_use]
-    pub fn texels(self) -> u64 {
-        u64::from(self.width) * u64::from(self.height)
-    }
-}
-
-impl fmt::Display for TextureSize {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}x{}", self.width, self.height)
-    }
-}
-
-impl FromStr for TextureSize {
-    type Err = BadTextureSize;
-    fn from_str(text: &str) -> Result<Self, BadTextureSize> {
-        let bad = || BadTextureSize { text: text.chars().take(40).collect() };
-        let (w, h) = text.split_once('x').ok_or_else(bad)?;
-        Self::new(w.parse().map_err(|_| bad())?, h.parse().map_err(|_| bad())?)
-    }
-}
-
-impl TryFrom<String> for TextureSize {
-    type Error = BadTextureSize;
-    fn try_from(text: String) -> Result<Self, BadTextureSize> {
-        text.parse()
-    }
-}
-
-impl From<TextureSize> for String {
-    fn from(size: TextureSize) -> String {
-        size.to_string()
-    }
-}
+use std::{collections::BTreeMap, fmt, ops::RangeInclusive};
 
 /// Names that a user understands over bags of numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -100,128 +41,6 @@ pub enum Footprint {
     Area,
     /// At the texel's centre alone: for comparison with other renderers.
     Point,
-}
-
-/// How a package is compressed.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Codec {
-    /// Piecewise linear segments along the directions of a texel: the thesis's file set.
-    #[default]
-    Pwl,
-}
-
-/// How `pwl` picks the samples it keeps, with the parameter of each rule. Radiance is coded to 8 bits first; errors are in those levels.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case", tag = "rule", deny_unknown_fields)]
-pub enum Rule {
-    /// The thesis's pseudo-code (7.2.4): bounds the change of slope, not the error.
-    Thesis {
-        /// T.
-        threshold: u16,
-    },
-    /// The longest segment in which every skipped sample's summed error stays below T (its chapter 8).
-    Cumulative {
-        /// T.
-        threshold: u16,
-    },
-    /// A swing filter: no sample and channel differs by more than eps.
-    Bounded {
-        /// The largest error.
-        eps: u8,
-    },
-}
-
-impl Default for Rule {
-    fn default() -> Self {
-        Rule::Bounded { eps: 2 }
-    }
-}
-
-impl fmt::Display for Rule {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Rule::Thesis { threshold } => write!(f, "thesis T={threshold}"),
-            Rule::Cumulative { threshold } => write!(f, "cumulative T={threshold}"),
-            Rule::Bounded { eps } => write!(f, "bounded eps={eps}"),
-        }
-    }
-}
-
-/// The name of a rule, without its parameter, as settings give it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum RuleName {
-    /// See [`Rule::Thesis`].
-    Thesis,
-    /// See [`Rule::Cumulative`].
-    Cumulative,
-    /// See [`Rule::Bounded`].
-    #[default]
-    Bounded,
-}
-
-/// Uncompressed radiance kept beside the compressed files.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum RawFormat {
-    /// 8 bits a channel, coded with the job's exposure.
-    U8,
-    /// 32-bit linear radiance.
-    F32,
-}
-
-/// How the exposure of the 8-bit coding is found.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(try_from = "ExposureText", into = "ExposureText")]
-pub enum ExposureMode {
-    /// The 98th percentile of the probed radiance becomes 1.0, rounded to 1/8 stop.
-    #[default]
-    Auto,
-    /// Given in stops, rounded to 1/8.
-    Fixed(Exposure),
-}
-
-/// `"auto"` or a number of stops: how JSON writes an [`ExposureMode`].
-#[derive(Debug, Clone, Serialize, Deserialize)]
-#[serde(untagged)]
-enum ExposureText {
-    Stops(f32),
-    Word(String),
-}
-
-impl TryFrom<ExposureText> for ExposureMode {
-    type Error = String;
-    fn try_from(text: ExposureText) -> Result<Self, String> {
-        match text {
-            ExposureText::Stops(ev) => Exposure::from_stops(ev).map(Self::Fixed).ok_or_else(|| bad_exposure(&ev.to_string())),
-            ExposureText::Word(word) => word.parse(),
-        }
-    }
-}
-
-impl From<ExposureMode> for ExposureText {
-    fn from(mode: ExposureMode) -> Self {
-        match mode {
-            ExposureMode::Auto => ExposureText::Word("auto".into()),
-            ExposureMode::Fixed(e) => ExposureText::Stops(e.stops()),
-        }
-    }
-}
-
-impl FromStr for ExposureMode {
-    type Err = String;
-    fn from_str(text: &str) -> Result<Self, String> {
-        if text == "auto" {
-            return Ok(Self::Auto);
-        }
-        let stops = text.parse::<f32>().ok().and_then(Exposure::from_stops);
-        stops.map(Self::Fixed).ok_or_else(|| bad_exposure(text))
-    }
-}
-
-fn bad_exposure(text: &str) -> String {
-    format!("exposure `{text}`: expected `auto` or stops (EV) from -64 to 64")
 }
 
 /// Which order `pwl` walks the directions in.
@@ -426,6 +245,7 @@ fn ranged<T: PartialOrd + fmt::Display>(field: &'static str, value: T, range: &R
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::units::Exposure;
 
     fn parse(json: &str) -> Result<BakeSettings, String> {
         let patch: SettingsPatch = serde_json::from_str(json).map_err(|e| e.to_string())?;

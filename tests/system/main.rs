@@ -7,6 +7,7 @@ mod bake;
 mod browser;
 mod convert;
 mod determinism;
+mod environment;
 mod faults;
 mod full_disk;
 mod golden;

@@ -77,6 +77,9 @@ pub(super) struct PictureQuery {
     /// Rays along each side of a pixel, 1 to 4, which show its mean; by default 2, and 1 above the default size. At most 8388608 rays in all.
     #[param(example = "2")]
     pub antialias: Option<String>,
+    /// `true` for a plain colour behind a scene that has an environment; by default `false`.
+    #[param(example = "false")]
+    pub hide_environment: Option<String>,
 }
 
 impl PictureQuery {
@@ -92,6 +95,7 @@ impl PictureQuery {
             "exposure" => &self.exposure,
             "mode" => &self.mode,
             "antialias" => &self.antialias,
+            "hide_environment" => &self.hide_environment,
             _ => &None,
         };
         field.clone()

@@ -1,7 +1,7 @@
 //! Environments: Radiance HDR and OpenEXR pictures, decoded within the limits to linear radiance, row 0 at the bottom.
 //!
 //! The picture is a lat-long map as [`Environment`] has it, seen from inside: up is up, right is to the right. Its size is read and checked
-//! before a pixel is decoded. Numbers that are no radiance (negative, not finite, beyond [`BRIGHTEST`]) are clamped and counted: one broken
+//! before a pixel is decoded. Numbers that are no radiance (negative, not finite, beyond [`limits::BRIGHTEST`]) are clamped and counted: one broken
 //! pixel must not turn every texel of a bake into NaN.
 
 mod picture;
@@ -14,8 +14,6 @@ use super::{
 use kiln_proto::{limits, options::ImportOptions, scene::Environment};
 use picture::Picture;
 
-/// The largest radiance that is kept, W/(sr m²): a million times that of the sun.
-const BRIGHTEST: f32 = 1e13;
 /// The environment that the options name, turned and scaled as they say; `None` where they name none or it was refused.
 pub(super) fn import(bundle: &Bundle, options: &ImportOptions, findings: &mut Findings) -> Option<Environment> {
     let name = options.environment.as_deref()?;
@@ -53,10 +51,10 @@ fn finish(name: &str, mut picture: Picture, options: &ImportOptions, at: At<'_>,
         findings.warn(at, format!("the environment has {width}x{height} pixels; a lat-long map is twice as wide as high; it is stretched"));
     }
     for value in picture.rgb.as_flattened_mut() {
-        if !(0.0..=BRIGHTEST).contains(value) {
+        if !(0.0..=limits::BRIGHTEST).contains(value) {
             findings.count(at, "numbers of the environment that are negative, not finite or beyond any radiance, clamped");
             // NaN is not larger than zero either.
-            *value = if *value > 0.0 { BRIGHTEST } else { 0.0 };
+            *value = if *value > 0.0 { limits::BRIGHTEST } else { 0.0 };
         }
     }
     let rgb: Vec<[f32; 3]> = picture.rgb.chunks_exact(width).rev().flatten().copied().collect();

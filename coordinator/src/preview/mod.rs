@@ -25,10 +25,14 @@ pub use view::{BadView, Mode, View};
 mod tests;
 
 use self::picture::Display;
-use kiln_proto::{format::stream::ReadError, plan::Plan, scene::Scene};
+use kiln_proto::{
+    format::stream::ReadError,
+    plan::Plan,
+    scene::{Environment, Scene},
+};
 
 /// A number that changes whenever pictures of the same package and view may change: part of every entity tag.
-pub const RENDERER_VERSION: u32 = 2;
+pub const RENDERER_VERSION: u32 = 3;
 
 /// Rays of one band, at least one row of pixels, and layers whose light is looked up at once: some 280 bytes each for what they see, need and
 /// find, so about 36 MiB; up to 80 more for every layer where much is seen through.
@@ -45,13 +49,13 @@ pub enum RenderError {
     Stopped(#[from] Stopped),
 }
 
-/// Finds what `camera` sees, one ray a pixel, in linear radiance. Threads: rayon's pool. Memory: 20 bytes a pixel, and that of a band.
+/// Finds what `camera` sees, one ray a pixel, in linear radiance, before the environment where the scene has one. Threads: rayon's pool. Memory: 20 bytes a pixel, and that of a band.
 ///
 /// # Errors
 /// Files of the package that cannot be read or are damaged.
 pub fn render(scene: &Scene, plan: &Plan, light: &mut Light<'_>, camera: &Camera, mode: Mode) -> Result<Frame, RenderError> {
     let mut frame = Frame::new(camera.size());
-    let bands = Bands { scene, plan, mode, stop: &Stop::default() };
+    let bands = Bands { scene, plan, mode, environment: scene.environment.as_ref(), stop: &Stop::default() };
     bands.each(light, camera, 1, |pixels| frame.extend(pixels))?;
     Ok(frame)
 }
@@ -63,7 +67,8 @@ pub fn render(scene: &Scene, plan: &Plan, light: &mut Light<'_>, camera: &Camera
 pub fn draw(scene: &Scene, plan: &Plan, light: &mut Light<'_>, camera: &Camera, view: &View, stop: &Stop) -> Result<Picture, RenderError> {
     let mut picture = Picture::new(camera.size());
     let display = Display::new(plan.exposure(), view.exposure, view.antialias);
-    let bands = Bands { scene, plan, mode: view.mode, stop };
+    let environment = scene.environment.as_ref().filter(|_| !view.hide_environment);
+    let bands = Bands { scene, plan, mode: view.mode, environment, stop };
     bands.each(light, &camera.finer(view.antialias), view.antialias, |rays| picture.extend(rays, display))?;
     Ok(picture)
 }
@@ -73,6 +78,8 @@ struct Bands<'a> {
     scene: &'a Scene,
     plan: &'a Plan,
     mode: Mode,
+    /// What is seen behind everything.
+    environment: Option<&'a Environment>,
     stop: &'a Stop,
 }
 
@@ -89,7 +96,9 @@ impl Bands<'_> {
             for layers in looked.layers.chunks(BAND_PIXELS) {
                 radiance.extend(shade::shade(self.plan, light, layers, self.mode, self.stop)?);
             }
-            take(&frame::pixels(&looked, &radiance).collect::<Vec<_>>());
+            let direction = |ray: u32| camera.direction(ray % width, first + ray / width);
+            let behind = |ray: usize| self.environment.map(|e| e.radiance(direction(ray as u32)));
+            take(&frame::pixels(&looked, &radiance, behind).collect::<Vec<_>>());
         }
         Ok(())
     }

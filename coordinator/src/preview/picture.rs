@@ -44,7 +44,7 @@ impl Display {
         let rays = rows.chunks(width).flat_map(|row| &row[x * side..(x + 1) * side]);
         let (mut sum, mut dark) = (Rgb::BLACK, false);
         for ray in rays {
-            // The background is not lit by the scene: its colour stays under every exposure.
+            // The background, unlike an environment, is not of the scene: its colour stays under every exposure.
             let ground = BACKGROUND * ray.background;
             sum += (ray.radiance + ground * -1.0) * self.factor + ground;
             dark |= ray.chart > 0 && !ray.found;

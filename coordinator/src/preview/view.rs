@@ -43,6 +43,8 @@ pub struct View {
     pub mode: Mode,
     /// Rays along each side of a pixel, 1 to [`ANTIALIAS`]; a pixel is their mean.
     pub antialias: u32,
+    /// Whether a plain colour lies behind the scene though it has an environment.
+    pub hide_environment: bool,
 }
 
 impl Default for View {
@@ -57,6 +59,7 @@ impl Default for View {
             exposure: 0.0,
             mode: Mode::default(),
             antialias: DEFAULT_ANTIALIAS,
+            hide_environment: false,
         }
     }
 }
@@ -117,6 +120,7 @@ impl View {
             exposure: read("exposure", text("exposure"), exposure)?.unwrap_or(default.exposure),
             mode: read("mode", text("mode"), str::parse)?.unwrap_or(default.mode),
             antialias: 1,
+            hide_environment: read("hide_environment", text("hide_environment"), truth)?.unwrap_or(default.hide_environment),
         };
         check(view.eye, view.target, view.fov)?;
         let antialias = match read("antialias", text("antialias"), antialias)? {
@@ -199,6 +203,10 @@ pub fn exposure(text: &str) -> Result<f32, String> {
 pub fn antialias(text: &str) -> Result<u32, String> {
     let rays = text.parse().ok().filter(|rays| (1..=ANTIALIAS).contains(rays));
     rays.ok_or_else(|| format!("`{}`: expected 1 to {ANTIALIAS} rays along each side of a pixel", short(text)))
+}
+
+fn truth(text: &str) -> Result<bool, String> {
+    text.parse().map_err(|_| format!("`{}`: expected true or false", short(text)))
 }
 
 fn side(text: &str) -> Result<u32, String> {

@@ -74,13 +74,17 @@ fn a_plan_without_a_texel_is_refused_and_a_surface_without_one_is_named() {
     let mut scene = scene("thesis-room", &["thesis.obj", "thesis.mtl"]);
     let mut settings = nominal("thesis-room");
     settings.texture_sizes.clear();
-    // The light's chart shrinks into a corner of the only texel, beside its centre.
     scene.surfaces.retain(|s| s.name == "light");
-    for uv in scene.surfaces[0].uv_sets[0].iter_mut().flatten() {
-        *uv = uv.map(|c| c.map(|v| v * 0.25));
-    }
     settings.texture_sizes.insert("light".into(), "1x1".parse().unwrap());
-    assert!(make_plan(&scene, SceneHash::of(b""), &settings).unwrap_err().message.contains("texel_scale"));
+    let mut planned = |factor: f32| {
+        for uv in scene.surfaces[0].uv_sets[0].iter_mut().flatten() {
+            *uv = uv.map(|c| c.map(|v| v * factor));
+        }
+        make_plan(&scene, SceneHash::of(b""), &settings)
+    };
+    // The light's chart shrinks into a corner of the only texel, beside its centre, then into nothing.
+    assert_eq!(planned(0.25).unwrap().0.covered(), 1);
+    assert!(planned(1e-3).unwrap_err().message.contains("texel_scale"));
 }
 
 /// 1,100 x 1,100 texels of 64 x 64 directions are more than 32 bits count, and only gloss keeps so many.

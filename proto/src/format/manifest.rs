@@ -3,15 +3,14 @@
 //! It has no timings, host names or counts of workers: those are in `report.json`, the one file that the package hash leaves out, so that
 //! the same scene, settings and seed give the same hash on any farm.
 
-use crate::{
-    grid::{SphericalGrid, Walk},
-    ids::SceneHash,
-    plan::ChartSource,
-    settings::{BakeSettings, Codec, Rule, TextureSize},
-};
+mod hash;
+mod surface;
+
+pub use hash::{BadSha256, PackageHash, Sha256Hex, package_hash};
+pub use surface::{Encoding, ErrorSummary, MaterialRecord, PartRecord, ReflectionRecord, SurfaceRecord};
+
+use crate::{ids::SceneHash, settings::BakeSettings};
 use serde::{Deserialize, Serialize};
-use sha2::{Digest as _, Sha256};
-use std::{fmt, str::FromStr};
 
 /// The version of the manifest's form.
 pub const SCHEMA_VERSION: u32 = 2;
@@ -21,60 +20,6 @@ pub const PATH: &str = "manifest.json";
 pub const REPORT_PATH: &str = "report.json";
 /// Bytes of a manifest that readers accept.
 pub const MAX_BYTES: u64 = 256 << 20;
-
-/// A SHA-256, as 64 hexadecimal digits in JSON.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
-#[serde(try_from = "String", into = "String")]
-pub struct Sha256Hex(pub [u8; 32]);
-
-/// The hash of a package: see [`package_hash`].
-pub type PackageHash = Sha256Hex;
-
-impl Sha256Hex {
-    /// The SHA-256 of `bytes`.
-    #[must_use]
-    pub fn of(bytes: &[u8]) -> Self {
-        Self(Sha256::digest(bytes).into())
-    }
-}
-
-impl fmt::Display for Sha256Hex {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.0.iter().try_for_each(|b| write!(f, "{b:02x}"))
-    }
-}
-
-impl fmt::Debug for Sha256Hex {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "Sha256Hex({self})")
-    }
-}
-
-/// A text that is not 64 hexadecimal digits.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("a SHA-256 is 64 hexadecimal digits")]
-pub struct BadSha256;
-
-impl FromStr for Sha256Hex {
-    type Err = BadSha256;
-    fn from_str(text: &str) -> Result<Self, BadSha256> {
-        // The same notation as the project's own hashes, whose parser is tested.
-        text.parse::<crate::ids::Digest>().map(|d| Self(d.0)).map_err(|_| BadSha256)
-    }
-}
-
-impl TryFrom<String> for Sha256Hex {
-    type Error = BadSha256;
-    fn try_from(text: String) -> Result<Self, BadSha256> {
-        text.parse()
-    }
-}
-
-impl From<Sha256Hex> for String {
-    fn from(hash: Sha256Hex) -> String {
-        hash.to_string()
-    }
-}
 
 /// One file of a package.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -87,19 +32,6 @@ pub struct FileRecord {
     pub bytes: u64,
     /// SHA-256 of the whole file.
     pub sha256: Sha256Hex,
-}
-
-/// The hash of a package: the SHA-256 of one line `SHA256␣␣PATH` for every file but `report.json`, in byte order of the paths. It is what
-/// `sha256sum` prints, so anyone can compute it without this program:
-/// `find * -type f ! -path report.json | LC_ALL=C sort | xargs -d '\n' sha256sum | sha256sum`. Lengths need no place of their own in it:
-/// files of different lengths have different hashes.
-#[must_use]
-pub fn package_hash<'a>(files: impl IntoIterator<Item = (&'a str, Sha256Hex)>) -> PackageHash {
-    let mut files: Vec<_> = files.into_iter().filter(|(path, _)| *path != REPORT_PATH).collect();
-    files.sort_unstable();
-    let mut hash = Sha256::new();
-    files.iter().for_each(|(path, sha)| hash.update(format!("{sha}  {path}\n")));
-    Sha256Hex(hash.finalize().into())
 }
 
 /// The whole manifest.
@@ -179,132 +111,6 @@ pub struct Totals {
     pub ratio: f64,
 }
 
-/// One surface.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct SurfaceRecord {
-    /// The author's name.
-    pub name: String,
-    /// The name of its files without extension.
-    pub file_stem: String,
-    /// Texels of its texture.
-    pub size: TextureSize,
-    /// Where its charts came from.
-    pub charts: ChartSource,
-    /// Texels that lie on a chart.
-    pub covered: u64,
-    /// The index of the surface whose back this is.
-    #[serde(skip_serializing_if = "Option::is_none", default)]
-    pub back_of: Option<u32>,
-    /// What it consists of.
-    pub parts: Vec<PartRecord>,
-    /// Its direction grid.
-    pub grid: SphericalGrid,
-    /// Its codec.
-    pub codec: Codec,
-    /// How samples were picked.
-    pub rule: Rule,
-    /// The order that directions are walked in.
-    pub walk: Walk,
-    /// What the encoding costs and what it saves.
-    pub encoding: Encoding,
-}
-
-/// Sizes and errors of an encoded surface.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Encoding {
-    /// Kept samples, those of gutter texels included.
-    pub kept_samples: u64,
-    /// Colours in the colour map; 0 where colours are direct.
-    pub colours: u32,
-    /// Bits of a colour in `.mtnc`: 16 for an index, 24 for a direct colour.
-    pub colour_bits: u16,
-    /// 3 bytes x D x covered texels.
-    pub raw_bytes: u64,
-    /// Bytes of `.mtsp`, `.mti`, `.mtnc` and `.mtm`, headers included.
-    pub coded_bytes: u64,
-    /// `raw_bytes / coded_bytes`.
-    pub ratio: f64,
-    /// Whether the encoding is larger than the raw samples: noisy glossy data can grow.
-    pub grew: bool,
-    /// Errors over the covered texels.
-    pub errors: ErrorSummary,
-}
-
-/// Errors of the decoded against the original 8-bit samples, in levels of 1/255. A sample is one direction of one covered texel.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct ErrorSummary {
-    /// Mean absolute error over all samples and channels.
-    pub average: f64,
-    /// The same over the samples that differ in some channel (thesis, eq. 2.16).
-    pub average_differing: f64,
-    /// 99.9 % of the samples have no channel with a larger error.
-    pub p99_9: u8,
-    /// The largest error of any channel.
-    pub max: u8,
-    /// Samples that differ in some channel.
-    pub differing: u64,
-}
-
-impl From<&crate::codec::pwl::ErrorStats> for ErrorSummary {
-    fn from(e: &crate::codec::pwl::ErrorStats) -> Self {
-        Self { average: e.average(), average_differing: e.average_differing(), p99_9: e.p99_9(), max: e.max(), differing: e.differing() }
-    }
-}
-
-/// A part of a surface.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct PartRecord {
-    /// The author's name.
-    pub name: String,
-    /// Its triangles.
-    pub triangles: u32,
-    /// What it is made of.
-    pub material: MaterialRecord,
-}
-
-/// What a part is made of, in brief.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct MaterialRecord {
-    /// The author's name.
-    pub name: String,
-    /// How it reflects.
-    pub reflection: ReflectionRecord,
-    /// The images that vary its colour.
-    pub textures: Vec<String>,
-    /// Ke, W/(sr m²).
-    pub emission: [f32; 3],
-    /// Whether light may pass through it.
-    pub lets_through: bool,
-}
-
-/// A model of reflection with its main numbers, before textures.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case", tag = "model")]
-pub enum ReflectionRecord {
-    /// It only emits.
-    None,
-    /// Lambert plus a Phong lobe or a mirror.
-    Phong {
-        /// Kd.
-        diffuse: [f32; 3],
-        /// Ks.
-        specular: [f32; 3],
-        /// Ns; absent for a mirror.
-        exponent: Option<f32>,
-    },
-    /// glTF's.
-    MetallicRoughness {
-        /// baseColorFactor.
-        base_color: [f32; 3],
-        /// metallicFactor.
-        metallic: f32,
-        /// roughnessFactor.
-        roughness: f32,
-        /// transmissionFactor.
-        transmission: f32,
-    },
-}
-
 /// Why bytes are not a usable manifest.
 #[derive(Debug, thiserror::Error)]
 pub enum ManifestError {
@@ -360,14 +166,6 @@ fn is_inside(path: &str) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn the_package_hash_is_what_sha256sum_says() {
-        let files = [("surfaces/a.mti", Sha256Hex::of(b"x")), ("manifest.json", Sha256Hex::of(b"")), ("report.json", Sha256Hex::of(b"y"))];
-        let text = "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855  manifest.json\n\
-                    2d711642b726b04401627ca9fbac32f5c8530fb1903cc4db02258717921a4881  surfaces/a.mti\n";
-        assert_eq!(package_hash(files), Sha256Hex::of(text.as_bytes()));
-    }
 
     #[test]
     fn paths_stay_inside_the_package() {

@@ -202,23 +202,3 @@ pub enum Lens {
         half_height: f32,
     },
 }
-
-/// Light from infinitely far away, all around: a lat-long map of radiance, W/(sr m²).
-///
-/// Direction (x, y, z) is looked up at u = 1/2 + atan2(z, x)/(2 pi), v = 1/2 + asin(y)/pi after a turn by `-rotation` about +Y; row 0 is v = 0,
-/// straight down. The middle of the picture is what lies toward +X.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Environment {
-    /// The file it came from.
-    pub name: String,
-    /// Texels around.
-    pub width: u32,
-    /// Texels from bottom to top.
-    pub height: u32,
-    /// Linear radiance.
-    pub rgb: Vec<[f32; 3]>,
-    /// Radians about +Y.
-    pub rotation: f32,
-    /// Factor on all of it.
-    pub intensity: f32,
-}

@@ -8,6 +8,7 @@
 //! A surface is what owns a texture. It consists of parts with a material each: usually one, but many small objects may share the texture of
 //! one surface. What is seen from both sides is two surfaces, the second of which names the first ([`Surface::back_of`]).
 
+pub mod environment;
 mod light;
 mod material;
 mod sample;
@@ -15,9 +16,8 @@ mod texture;
 mod validate;
 mod veil;
 
-pub use light::{
-    Camera, Environment, Falloff, Lens, Light, LightShape, Projection, Projector, ShadowCompare, ShadowMap, ShadowUpdate, SpotProfile,
-};
+pub use environment::Environment;
+pub use light::{Camera, Falloff, Lens, Light, LightShape, Projection, Projector, ShadowCompare, ShadowMap, ShadowUpdate, SpotProfile};
 pub use material::{
     AlphaMode, LayerMode, Lobe, Mapping, Material, MetallicRoughness, NormalMap, Opacity, Phong, Reflection, TextureLayer, TextureRef, Wrap,
 };

@@ -10,7 +10,7 @@
 //!
 //! Edges are found by their positions in space. Edges of more than two triangles, edges of other materials and T-junctions are no seams.
 
-use super::{EDGE, Flat};
+use super::flat::{EDGE, Flat, closest};
 use crate::{
     frame::SurfaceFrames,
     plan::SurfacePlan,
@@ -94,15 +94,17 @@ impl Seams {
     }
 
     /// The triangle from which a texel beside a chart goes on over a seam: that of the chart's nearest edge. `None` where the chart ends there.
-    /// `triangles` are those of the chart that may be near.
+    /// `triangles` are those of the chart that may be near, in any order.
     pub(super) fn start(&self, flats: &[Flat], triangles: impl Iterator<Item = u32>, at: DVec2) -> Option<u32> {
         let (mut border, mut seam) = (f64::INFINITY, None);
         for corner in triangles.flat_map(|t| [0, 1, 2].map(|k| Corner(3 * t + k))) {
             let (flat, [k, a, b]) = (&flats[corner.triangle() as usize], corner.turn());
-            let distance = distance(at, flat.corners[a], flat.corners[b]);
+            let distance = at.distance(closest(at, flat.corners[a], flat.corners[b]));
             match self.across[corner.triangle() as usize][k] {
                 Across::Border => border = border.min(distance),
-                Across::Seam(_) if seam.is_none_or(|(least, _)| distance < least) => seam = Some((distance, corner.triangle())),
+                Across::Seam(_) if seam.is_none_or(|least| (distance, corner.triangle()) < least) => {
+                    seam = Some((distance, corner.triangle()));
+                }
                 _ => {}
             }
         }
@@ -147,14 +149,6 @@ fn laid(corners: &[[DVec3; 3]], (own, other): (Corner, Corner), bary: DVec2) -> 
     let (p1, p2, det) = (at.dot(e1), at.dot(e2), d11 * d22 - d12 * d12);
     let bary = DVec2::new(d22 * p1 - d12 * p2, d11 * p2 - d12 * p1) / det;
     bary.is_finite().then_some(bary)
-}
-
-/// Distance of a point from a segment.
-fn distance(at: DVec2, a: DVec2, b: DVec2) -> f64 {
-    let (d, along) = (at - a, b - a);
-    let square = along.length_squared();
-    let t = if square > 0.0 { (d.dot(along) / square).clamp(0.0, 1.0) } else { 0.0 };
-    (d - along * t).length()
 }
 
 /// Numbers of the places of each triangle's corners: the same for vertices in the same place.

@@ -1,7 +1,13 @@
 //! Coverage, gutters, footprints and seams.
 
-use super::*;
-use crate::{plan::ChartSource, scene::Triangle, settings::TextureSize};
+use super::{cover::nearest, *};
+use crate::{
+    frame::FrameRule,
+    plan::{ChartSource, SurfacePlan},
+    scene::{Scene, Surface, Triangle},
+    settings::TextureSize,
+    tile::Cell,
+};
 
 /// A unit square of two triangles with the given texture coordinates of its corners.
 fn square(uv: [[f32; 2]; 4], width: u32, height: u32) -> (Scene, SurfacePlan) {

@@ -1,14 +1,20 @@
 //! The environment as a light: radiance interpolated between the texels of a lat-long map, and directions sampled in proportion to it.
 //!
-//! The map is bilinear between texel centres, wraps around and is constant beyond the centres of its first and last row, like a texture with
-//! linear filtering. Its cells, the rectangles between four centres, are chosen by mean radiance times solid angle (two cumulative tables);
+//! The map is looked up as [`Environment`] has it. Its cells, the rectangles between four texel centres, are chosen by mean radiance times solid angle (two cumulative tables);
 //! within a cell the point follows the bilinear radiance exactly (Pharr, Jakob and Humphreys, "Physically Based Rendering", 4th ed., A.5).
 //! So a sun of one texel costs no noise: value over density varies with the cosine of the latitude across one cell, and no more. A table over
 //! texels as constant squares is simpler, but what interpolation spreads into dark neighbours would then be found by chance only.
 
 use super::emitter::{chance, choose, cumulative};
 use glam::Vec3;
-use kiln_proto::{math, scene::Environment, units::Rgb};
+use kiln_proto::{
+    math,
+    scene::{
+        Environment,
+        environment::{SkyPlace, bilinear},
+    },
+    units::Rgb,
+};
 use std::f64::consts::PI;
 
 /// A direction of the environment.
@@ -31,19 +37,6 @@ pub struct Sky {
     cells: Vec<f32>,
     /// Mean over channels of radiance, integrated over directions, W/m².
     total: f64,
-    /// Rotation in turns.
-    turns: f64,
-}
-
-/// A place in the map: a cell and where in it.
-#[derive(Debug, Clone, Copy)]
-struct Place {
-    row: usize,
-    column: usize,
-    /// From the left and lower to the right and upper texel centre, [0, 1].
-    at: [f32; 2],
-    /// Cosine of the latitude.
-    cos: f32,
 }
 
 impl Sky {
@@ -54,7 +47,7 @@ impl Sky {
         let mut cells = Vec::with_capacity((height + 1) * width);
         let mut sums = Vec::with_capacity(height + 1);
         for row in 0..=height {
-            let weight = |column| f64::from(mean(&corners(map, row, column)));
+            let weight = |column| f64::from(mean(&map.corners(row, column)));
             let sum: f64 = (0..width).map(weight).sum();
             if sum > 0.0 {
                 cells.extend(cumulative((0..width).map(weight), sum));
@@ -68,7 +61,7 @@ impl Sky {
             return None;
         }
         let integral = total * 2.0 * PI / width as f64 * f64::from(map.intensity);
-        Some(Self { rows: cumulative(sums.into_iter(), total), cells, total: integral, turns: f64::from(map.rotation) / (2.0 * PI) })
+        Some(Self { rows: cumulative(sums.into_iter(), total), cells, total: integral })
     }
 
     /// Radiance integrated over all directions, the mean of the channels, W/m².
@@ -81,9 +74,9 @@ impl Sky {
     #[must_use]
     #[inline]
     pub fn eval(&self, map: &Environment, direction: Vec3) -> (Rgb, f32) {
-        let place = self.place(map, direction);
-        let corners = corners(map, place.row, place.column);
-        (interpolate(&corners, place.at) * map.intensity, self.pdf(map, &place, &corners))
+        let place = map.place(direction);
+        let corners = map.corners(place.row, place.column);
+        (bilinear(&corners, place.at) * map.intensity, self.pdf(map, &place, &corners))
     }
 
     /// A direction with a density in proportion to radiance; `None` only where rounding leads into a cell without light.
@@ -93,20 +86,20 @@ impl Sky {
         let width = map.width as usize;
         let (row, v) = choose(&self.rows, u[1])?;
         let (column, u) = choose(&self.cells[row * width..(row + 1) * width], u[0])?;
-        let corners = corners(map, row, column);
+        let corners = map.corners(row, column);
         let at = bilinear_point(&corners.map(Rgb::mean), [u, v]);
         // A sample's latitude: half a cell less in the two rows at the poles.
-        let (low, high) = limits(map, row);
+        let (low, high) = map.limits(row);
         let latitude = (low + (high - low) * f64::from(at[1]) - 0.5) * 0.5;
-        let longitude = (column as f64 + 0.5 + f64::from(at[0])) / f64::from(map.width) - 0.5 - self.turns;
+        let longitude = (column as f64 + 0.5 + f64::from(at[0])) / f64::from(map.width) - 0.5 - map.turns();
         let ((sin_v, cos_v), (sin_u, cos_u)) = (math::sin_cos_turns(latitude as f32), math::sin_cos_turns(longitude as f32));
-        let place = Place { row, column, at, cos: cos_v };
+        let place = SkyPlace { row, column, at, cos: cos_v };
         let pdf = self.pdf(map, &place, &corners);
         let direction = Vec3::new(cos_u * cos_v, sin_v, sin_u * cos_v);
-        (pdf > 0.0).then(|| SkySample { direction, pdf, radiance: interpolate(&corners, at) * map.intensity })
+        (pdf > 0.0).then(|| SkySample { direction, pdf, radiance: bilinear(&corners, at) * map.intensity })
     }
 
-    fn pdf(&self, map: &Environment, place: &Place, corners: &[Rgb; 4]) -> f32 {
+    fn pdf(&self, map: &Environment, place: &SkyPlace, corners: &[Rgb; 4]) -> f32 {
         let width = map.width as usize;
         let weights = corners.map(Rgb::mean);
         let mean = mean(corners);
@@ -114,53 +107,22 @@ impl Sky {
             return 0.0;
         }
         let cell = chance(&self.rows, place.row) * chance(&self.cells[place.row * width..(place.row + 1) * width], place.column);
-        let (low, high) = limits(map, place.row);
-        let inside = interpolate(&weights.map(Rgb::splat), place.at).r / mean * f64::from(map.width) as f32 / (high - low) as f32;
+        let (low, high) = map.limits(place.row);
+        let inside = bilinear(&weights.map(Rgb::splat), place.at).r / mean * f64::from(map.width) as f32 / (high - low) as f32;
         // du dv = dw / (2 pi² cos); at the poles themselves the density is without bound, and bounded here.
         cell * inside / (2.0 * (PI * PI) as f32 * place.cos.max(1e-6))
     }
-
-    fn place(&self, map: &Environment, d: Vec3) -> Place {
-        let (x, y, z) = (f64::from(d.x), f64::from(d.y), f64::from(d.z));
-        let cos = (x * x + z * z).sqrt();
-        let u = 0.5 + math::atan2(z, x) / (2.0 * PI) + self.turns;
-        let v = (0.5 + math::atan2(y, cos) / PI).clamp(0.0, 1.0);
-        let across = (u - u.floor()) * f64::from(map.width) - 0.5;
-        let column = across.floor();
-        let row = ((v * f64::from(map.height) + 0.5).floor()).min(f64::from(map.height));
-        let (low, high) = limits(map, row as usize);
-        let at = [(across - column) as f32, ((v - low) / (high - low)).clamp(0.0, 1.0) as f32];
-        Place { row: row as usize, column: (column as i64).rem_euclid(i64::from(map.width)) as usize, at, cos: cos as f32 }
-    }
-}
-
-/// The v of the lower and upper edge of a row of cells.
-fn limits(map: &Environment, row: usize) -> (f64, f64) {
-    let height = f64::from(map.height);
-    (((row as f64 - 0.5) / height).max(0.0), ((row as f64 + 0.5) / height).min(1.0))
 }
 
 /// The difference of the sines of latitude between the edges of a row of cells: solid angle over 2 pi.
 fn band(map: &Environment, row: usize) -> f64 {
-    let (low, high) = limits(map, row);
+    let (low, high) = map.limits(row);
     let sine = |v: f64| math::sin_cos_degrees((v - 0.5) * 180.0).0;
     sine(high) - sine(low)
 }
 
-/// The texels around a cell: lower left, lower right, upper left, upper right.
-fn corners(map: &Environment, row: usize, column: usize) -> [Rgb; 4] {
-    let (width, height) = (map.width as usize, map.height as usize);
-    let (lower, upper) = (row.saturating_sub(1), row.min(height - 1));
-    let right = if column + 1 == width { 0 } else { column + 1 };
-    [(lower, column), (lower, right), (upper, column), (upper, right)].map(|(r, c)| Rgb::from(map.rgb[r * width + c]))
-}
-
 fn mean(corners: &[Rgb; 4]) -> f32 {
     0.25 * corners.iter().map(|c| c.mean()).sum::<f32>()
-}
-
-fn interpolate(c: &[Rgb; 4], [x, y]: [f32; 2]) -> Rgb {
-    (c[0] * (1.0 - x) + c[1] * x) * (1.0 - y) + (c[2] * (1.0 - x) + c[3] * x) * y
 }
 
 /// A point of the unit square with a density in proportion to what is interpolated between its corners.

@@ -36,9 +36,12 @@ pub fn shadow(rules: ShadowRules, light: &Light, index: u32, part: &Part, positi
 }
 
 /// Whether a position falls on a light's shadow map: beside it or behind the light it does not, however far away it may. The map of a
-/// point light is a cube, which has no outside.
+/// point light is a cube, which has no outside, and a light of a format without shadow maps has none that could end.
 fn is_on_map(light: &Light, position: Vec3) -> bool {
     let p = &light.projection;
+    if *p == Projection::default() {
+        return true;
+    }
     match light.shape {
         LightShape::Point { .. } => true,
         LightShape::Directional { direction } => {
@@ -107,6 +110,7 @@ mod tests {
         for (p, expected) in [([1.9, -1.9, -2.0], true), ([2.1, 0.0, -2.0], false), ([0.0, 2.1, -2.0], false), ([0.0, 0.0, 1.0], false)] {
             assert_eq!(on(&spot, p), expected, "{p:?}");
         }
+        assert!(on(&Light { projection: Projection::default(), ..sun() }, [9.0; 3]), "an inlined glTF file's");
         assert!(on(&Light { shape: LightShape::Point { position: [0.0; 3] }, ..sun() }, [9.0; 3]), "a cube has no outside");
     }
 }

@@ -75,8 +75,10 @@ async fn tags_name_package_view_and_renderer(bench: &Bench, job: &str) {
     // The same view in other words is the same picture; another view is not.
     let same = view(bench, job, "?h=8&eye=%2B1.0,2e0,3.00&w=08&fov=45&mode=light-field").await;
     assert_eq!((&same.headers[header::ETAG], &same.body), (&first.headers[header::ETAG], &first.body));
-    for other in ["?eye=1,2,3&w=8&h=9", "?eye=1,2,3.1&w=8&h=8", "?eye=1,2,3&w=8&h=8&mode=diffuse", "?eye=1,2,3&w=8&h=8&antialias=1"] {
-        assert_ne!(view(bench, job, other).await.headers[header::ETAG], first.headers[header::ETAG], "{other}");
+    for other in ["h=9", "h=8&eye=1,2,3.1", "h=8&mode=diffuse", "h=8&antialias=1", "h=8&hide_environment=true"] {
+        let eye = if other.contains("eye") { "" } else { "&eye=1,2,3" };
+        let seen = view(bench, job, &format!("?w=8&{other}{eye}")).await;
+        assert_ne!(seen.headers[header::ETAG], first.headers[header::ETAG], "{other}");
     }
 }
 
@@ -134,6 +136,7 @@ async fn bad_parameters_are_named(bench: &Bench, job: &str) {
         ("?exposure=99", "exposure"),
         ("?mode=dark", "mode"),
         ("?antialias=5", "antialias"),
+        ("?hide_environment=perhaps", "hide_environment"),
         ("?w=2048&h=2048&antialias=2", "antialias"),
         ("?width=640", "width"),
         // The default target, which only the scene knows: the middle of its bounds.

@@ -71,7 +71,7 @@ fn exr_pictures_are_read_by_content_and_broken_numbers_are_clamped_and_counted()
     };
     let (environment, findings) = read_in("sky.picture", &exr(pixels));
     let environment = environment.unwrap();
-    assert_eq!((environment.rgb[4], environment.rgb[5], environment.rgb[0]), ([1.0, 2.0, 3.0], [0.0, 0.0, BRIGHTEST], [0.25; 3]));
+    assert_eq!((environment.rgb[4], environment.rgb[5], environment.rgb[0]), ([1.0, 2.0, 3.0], [0.0, 0.0, limits::BRIGHTEST], [0.25; 3]));
     assert!(findings.into_warnings()[0].to_string().contains("3, the first here"));
 }
 

@@ -68,7 +68,12 @@ fn lamp(json: Json<'_>, report: &mut Report<'_>) -> Option<Lamp> {
             return None;
         }
     };
-    Some(Lamp { intensity: Rgb::from(color.map(|c| (c * intensity) as f32)), range: range.filter(|r| *r > 0.0), kind })
+    let strength = Rgb::from(color.map(|c| (c * intensity) as f32));
+    if strength.max_channel() > limits::BRIGHTEST {
+        report.error(json, format!("the light has the intensity {intensity:e}; at most {:e} is possible", limits::BRIGHTEST));
+        return None;
+    }
+    Some(Lamp { intensity: strength, range: range.filter(|r| *r > 0.0), kind })
 }
 
 fn spot(json: Json<'_>, report: &mut Report<'_>) -> Option<Kind> {
@@ -125,7 +130,8 @@ fn lens(json: Json<'_>, report: &mut Report<'_>) -> Option<Lens> {
             let perspective = report.required(json, "perspective")?;
             let at = report.required(perspective, "yfov")?;
             let fov = report.number_at(at, &(0.0..=PI))?;
-            if fov == 0.0 || fov >= PI {
+            // A number may be more than zero and yet too small for single precision.
+            if fov as f32 == 0.0 || fov >= PI {
                 report.error(at, format!("the field of view {fov} must lie between 0 and pi"));
                 return None;
             }
@@ -135,7 +141,7 @@ fn lens(json: Json<'_>, report: &mut Report<'_>) -> Option<Lens> {
             let orthographic = report.required(json, "orthographic")?;
             let at = report.required(orthographic, "ymag")?;
             let half = report.number_at(at, &POSITIVE)?;
-            if half == 0.0 {
+            if half as f32 == 0.0 {
                 report.error(at, "the height that a camera shows must be more than 0");
                 return None;
             }

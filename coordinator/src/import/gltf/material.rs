@@ -10,6 +10,7 @@ use super::{
     texture::Textures,
 };
 use kiln_proto::{
+    limits,
     scene::{AlphaMode, Coding, Mapping, Material, MetallicRoughness, NormalMap, Opacity, Reflection},
     units::Rgb,
 };
@@ -197,8 +198,9 @@ impl<'a, 'd> Materials<'a, 'd> {
         let strength = json.extension("KHR_materials_emissive_strength");
         let strength = strength.map_or(1.0, |e| report.number(e, "emissiveStrength", 1.0, &POSITIVE)) as f32;
         material.emission = rgb(report.vector(json, "emissiveFactor", &SHARE).unwrap_or([0.0; 3])) * strength;
-        if !material.emission.is_finite() {
-            report.error(json, "the emission is more than a number can hold");
+        if !(0.0..=limits::BRIGHTEST).contains(&material.emission.max_channel()) {
+            let [r, g, b] = material.emission.to_array();
+            report.error(json, format!("the emission is {r:e} {g:e} {b:e}; at most {:e} is possible", limits::BRIGHTEST));
         }
         if !material.emission.is_black() {
             material.emission_texture = self.textures.find(json, "emissiveTexture", Coding::Srgb, false, report).map(|t| t.reference);

@@ -73,7 +73,7 @@ impl Reader<'_> {
         let number = match word {
             "Kd" => return m.diffuse = self.colour(line, word, rest).or(m.diffuse),
             "Ks" => return m.specular = self.colour(line, word, rest).or(m.specular),
-            "Ke" => return m.emission = self.colour(line, word, rest).or(m.emission),
+            "Ke" => return m.emission = self.emission(line, rest).or(m.emission),
             "Tf" => return m.filter = self.colour(line, word, rest).or(m.filter),
             "illum" => return m.model = self.model(line, rest).or(m.model),
             "Ns" => Number::Exponent,
@@ -110,6 +110,17 @@ impl Reader<'_> {
             _ => "",
         };
         self.findings.warn_once(At::line(self.file.as_str(), line), &shown, format!("`{shown}`{what} is not supported and was ignored"));
+    }
+
+    /// What a material emits, which has an end.
+    fn emission(&mut self, line: u32, rest: &str) -> Stated<Rgb> {
+        let stated = self.colour(line, "Ke", rest)?;
+        let most = stated.1.max_channel();
+        if most > limits::BRIGHTEST {
+            self.error(line, format!("Ke is {most:e}; at most {:e} is possible", limits::BRIGHTEST));
+            return None;
+        }
+        Some(stated)
     }
 
     /// One or three finite numbers that are not negative; one stands for all three.

@@ -113,6 +113,40 @@ fn bytes_are_exposed_srgb_and_the_background_is_not_exposed() {
     }
 }
 
+/// A sky whose colours tell where one looks.
+fn sky() -> Environment {
+    let rgb = (0..8).flat_map(|row| (0..16).map(move |column| [0.02 * column as f32, 0.05 * row as f32, 0.1])).collect();
+    Environment { name: "sky".into(), width: 16, height: 8, rgb, rotation: 0.7, intensity: 2.0 }
+}
+
+#[test]
+fn an_environment_lies_behind_and_is_exposed_like_the_scene() {
+    let scene = Scene { environment: Some(sky()), ..corner() };
+    let plan = plan_of(&scene, "16x16", "2x2");
+    let files = files_of(&scene, &plan, |_, _| true);
+    let frame = picture(&scene, &plan, &files, &overview(), Origin::Codec, Mode::LightField).unwrap();
+    let plain = picture(&corner(), &plan, &files, &overview(), Origin::Codec, Mode::LightField).unwrap();
+    let view = View { exposure: -1.5, antialias: 1, ..View::default() };
+    let shown = drawn(&scene, &plan, &files, &overview(), &view, &Stop::default()).unwrap();
+    let factor = plan.exposure().factor() * kiln_proto::math::exp2(-1.5);
+    let mut behind = 0;
+    for (k, (pixel, plain)) in frame.pixels().iter().zip(plain.pixels()).enumerate() {
+        let toward = overview().direction(k as u32 % 97, k as u32 / 97);
+        assert_eq!(pixel.chart, plain.chart);
+        if pixel.chart == 0 {
+            assert_eq!((pixel.radiance, pixel.background), (sky().radiance(toward), Rgb::BLACK), "{toward}");
+            assert_eq!(shown.rgb()[k], pixel.radiance.to_array().map(|v| kiln_proto::units::radiance_to_byte(v, factor)));
+            behind += 1;
+        } else {
+            assert_eq!(pixel, plain);
+        }
+    }
+    assert!(behind > 500 && shown.without_light() == 0, "{behind}");
+    let hidden = View { hide_environment: true, ..view.clone() };
+    let of = |scene: &Scene, view: &View| drawn(scene, &plan, &files, &overview(), view, &Stop::default()).unwrap();
+    assert_eq!(of(&scene, &hidden), of(&corner(), &view));
+}
+
 /// In several bands, whose rows of pixels are whole: each pixel is the mean of the four that a picture twice as fine has in its place.
 #[test]
 fn pixels_are_means_of_the_rays_through_them() {

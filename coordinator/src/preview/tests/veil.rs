@@ -61,6 +61,11 @@ fn blended_layers_lie_over_each_other_from_the_nearest_to_the_background() {
     assert!(near(found.background, Rgb::splat(0.375)), "{found:?}");
     assert!(near(found.radiance, light[0] * 0.25 + light[1] * 0.375 + BACKGROUND * 0.375), "{found:?}");
     assert_eq!(pixel(&scene, AT, -1.0), Pixel { radiance: BACKGROUND, background: Rgb::WHITE, chart: 0, found: false }, "no backs");
+    let rgb = vec![[3.0, 2.0, 1.0]];
+    scene.environment = Some(Environment { name: "sky".into(), width: 1, height: 1, rgb, rotation: 0.0, intensity: 0.5 });
+    let found = pixel(&scene, AT, 1.0);
+    assert!(near(found.radiance, light[0] * 0.25 + (light[1] + Rgb::new(1.5, 1.0, 0.5)) * 0.375), "{found:?}");
+    assert_eq!(found.background, Rgb::BLACK);
 }
 
 #[test]

@@ -4,6 +4,7 @@ import { type Intersection, type PerspectiveCamera, Raycaster, type Vector2, Vec
 import type { Vec3 } from '../format/bytes.ts';
 import { partOf } from '../format/scene.ts';
 import { type Cover, opacityAt } from '../field/cover.ts';
+import { isCovered } from '../field/covered.ts';
 import type { FieldSurface, LightField } from '../field/light-field.ts';
 import { EOTF, decodeRow } from '../field/decode.ts';
 import { toLocal } from '../field/frame.ts';
@@ -71,22 +72,8 @@ export function sampleTexel(field: LightField, surface: FieldSurface, { triangle
     radiance: Float32Array.from(coded, (byte) => EOTF[byte] * factor),
     keptSamples: found.kept.starts[found.row + 1] - found.kept.starts[found.row],
     view: { theta: degrees(Math.atan2(Math.hypot(w[0], w[1]), w[2])), phi: (degrees(Math.atan2(w[1], w[0])) + 360) % 360 },
-    covered: isCovered(surface, x, y),
+    covered: isCovered(surface.plan, x, y),
   };
 }
 
 const degrees = (radians: number): number => (radians * 180) / Math.PI;
-
-/** Whether a texel's centre lies on a triangle: gutter texels have the light of a neighbour. */
-export function isCovered({ plan }: FieldSurface, x: number, y: number): boolean {
-  const [u, v] = [(x + 0.5) / plan.width, (y + 0.5) / plan.height];
-  for (let i = 0; i < plan.uv.length; i += 6) {
-    const [ax, ay, bx, by, cx, cy] = plan.uv.subarray(i, i + 6);
-    const det = (bx - ax) * (cy - ay) - (cx - ax) * (by - ay);
-    if (det === 0) continue;
-    const b = ((u - ax) * (cy - ay) - (cx - ax) * (v - ay)) / det;
-    const c = ((bx - ax) * (v - ay) - (u - ax) * (by - ay)) / det;
-    if (b >= -1e-9 && c >= -1e-9 && b + c <= 1 + 1e-9) return true;
-  }
-  return false;
-}

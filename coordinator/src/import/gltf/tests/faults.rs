@@ -126,6 +126,20 @@ fn attributes_must_fit_together() {
 }
 
 #[test]
+fn no_material_shines_brighter_than_the_brightest() {
+    let shining = |strength: f64| {
+        let strength = json!({ "KHR_materials_emissive_strength": { "emissiveStrength": strength } });
+        let material = json!([{ "emissiveFactor": [1, 0.5, 0], "extensions": strength }]);
+        changed(&[("/materials", material), ("/meshes/0/primitives/0/material", json!(0))])
+    };
+    assert_eq!(shining(1e13).scene().materials[0].emission.g, 5e12);
+    for strength in [1.1e13, 3e38] {
+        let error = shining(strength).error();
+        assert!(error.contains("/materials/0: the emission is") && error.contains("at most 1e13 is possible"), "{error}");
+    }
+}
+
+#[test]
 fn nodes_are_a_forest_of_finite_transforms() {
     check(&[
         ("/nodes/0/children", json!([0]), "/nodes/0: the node is part of a loop"),

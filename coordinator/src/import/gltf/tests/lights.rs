@@ -57,6 +57,7 @@ fn impossible_lights_are_located() {
         (json!({ "type": "spot" }), "the property `spot` is missing"),
         (json!({ "type": "point", "range": 0 }), "the range of a light must be more than 0"),
         (json!({ "type": "point", "intensity": -1 }), "/intensity: the value -1 is out of range"),
+        (json!({ "type": "point", "intensity": 2e13 }), "the light has the intensity 2e13; at most 1e13 is possible"),
         (json!({ "type": "point", "color": [2, 0, 0] }), "/color/0: the value 2 is out of range; it must lie in [0, 1]"),
         (json!({ "type": "spot", "spot": { "innerConeAngle": 0.6, "outerConeAngle": 0.5 } }), "must be less than the outer angle"),
         (json!({ "type": "spot", "spot": { "outerConeAngle": 2 } }), "/spot/outerConeAngle: the value 2 is out of range"),
@@ -83,6 +84,8 @@ fn cameras_are_kept_in_the_world() {
     assert_eq!((cameras[1].name.as_str(), cameras[1].lens), ("camera1", Lens::Orthographic { half_height: 3.0 }));
     let (forward, up) = (glam::Vec3::from_array(cameras[1].forward), glam::Vec3::from_array(cameras[1].up));
     assert!((forward + glam::Vec3::Y).length() < 1e-6 && (up + glam::Vec3::Z).length() < 1e-6, "{forward} {up}");
+    sample.json["cameras"][0]["perspective"]["yfov"] = json!(1e-300);
+    assert!(sample.error().contains("/cameras/0/perspective/yfov: the field of view"), "too small for single precision");
     sample.json["cameras"][0]["perspective"]["yfov"] = json!(0);
     assert!(sample.error().contains("/cameras/0/perspective/yfov: the field of view 0 must lie between 0 and pi"));
 }

@@ -138,6 +138,16 @@ fn normal_maps_are_told_from_heights() {
 }
 
 #[test]
+fn what_shines_brighter_than_the_brightest_is_refused_at_its_line() {
+    let shining = |ke: &str| {
+        let mtl = format!("newmtl m\nKd 0.5\nKe {ke}\n");
+        import_parts(vec![file("a.obj", format!("mtllib m.mtl\n{SQUARE}usemtl m\nf 1 2 3\n")), file("m.mtl", mtl)])
+    };
+    assert_eq!(shining("1e13").unwrap().scene.materials[0].emission.r, 1e13);
+    assert_eq!(shining("0 2e13 0").unwrap_err(), ["m.mtl:3: Ke is 2e13; at most 1e13 is possible"]);
+}
+
+#[test]
 fn faces_without_coordinates_are_counted_where_a_texture_needs_them() {
     let obj = format!("mtllib m.mtl\n{SQUARE}usemtl m\nf 1 2 3\nf 1/1 3/3 4/4\n");
     let parts = vec![file("a.obj", obj), file("m.mtl", "newmtl m\nKe 1\nmap_Kd t.png\n"), file("t.png", png(1, 1, |_, _| [255; 4]))];

@@ -10,6 +10,7 @@ use super::{
 use crate::import::{findings::Findings, x3d::NodeRef};
 use glam::DVec3;
 use kiln_proto::{
+    limits,
     options::LightUnits,
     scene::{Falloff, Light, LightShape, Projection, ShadowCompare, ShadowMap, ShadowUpdate, SpotProfile},
     units::Rgb,
@@ -52,13 +53,20 @@ pub(super) fn convert(placed: &Placed<'_>, name: String, shines: bool, units: Li
         LightUnits::X3d => PI,
         LightUnits::Physical => 1.0,
     };
-    let strength = if shines { colour * (intensity * unit) } else { Rgb::BLACK };
+    let (strength, surrounding) = if shines { (colour * (intensity * unit), colour * ambient) } else { (Rgb::BLACK, Rgb::BLACK) };
+    for (field, value, result) in [("intensity", intensity, strength), ("ambientIntensity", ambient, surrounding)] {
+        if !(0.0..=limits::BRIGHTEST).contains(&result.max_channel()) {
+            let message = format!("{} has the {field} {value:e}, which with its color is more than {:e}", node.kind(), limits::BRIGHTEST);
+            findings.error(node.at_field(field), message);
+            return None;
+        }
+    }
     Some(Light {
         name,
         shape,
         intensity: strength,
         falloff: falloff(placed, units, findings)?,
-        ambient: if shines { colour * ambient } else { Rgb::BLACK },
+        ambient: surrounding,
         casts_shadows: node.bool("shadows"),
         shadow_intensity: if shadow_intensity.is_finite() { shadow_intensity.clamp(0.0, 1.0) } else { 1.0 },
         projection: projection(placed, findings)?,
@@ -188,8 +196,8 @@ pub(super) fn shadow_map(node: NodeRef<'_>, findings: &mut Findings) -> Option<S
         return None;
     }
     let (size, scale, bias) = (node.int("size"), node.float("scale"), node.float("bias"));
-    let Some(texels) = u32::try_from(size).ok().filter(|s| *s > 0 && *s <= kiln_proto::limits::TEXTURE_SIDE) else {
-        let max = kiln_proto::limits::TEXTURE_SIDE;
+    let Some(texels) = u32::try_from(size).ok().filter(|s| *s > 0 && *s <= limits::TEXTURE_SIDE) else {
+        let max = limits::TEXTURE_SIDE;
         findings.error(node.at_field("size"), format!("GeneratedShadowMap has the size {size}; it lies from 1 to {max}"));
         return None;
     };

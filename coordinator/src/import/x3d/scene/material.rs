@@ -14,6 +14,7 @@ use crate::import::{
     x3d::NodeRef,
 };
 use kiln_proto::{
+    limits,
     scene::{
         AlphaMode, Coding, Lobe, Material, MetallicRoughness, NormalMap, Opacity, Phong, Reflection, TextureLayer, TextureRef, energy_scale,
     },
@@ -210,10 +211,10 @@ fn field(prefix: &str, name: &str) -> String {
 /// A colour brought to [0, 1] where it reflects; emission may be brighter.
 fn colour(node: NodeRef<'_>, field: &str, findings: &mut Findings) -> Rgb {
     let given = Rgb::from(node.vec3(field));
-    let most = if field.to_lowercase().contains("emissive") { f32::MAX } else { 1.0 };
+    let most = if field.to_lowercase().contains("emissive") { limits::BRIGHTEST } else { 1.0 };
     let usable = Rgb::from(given.to_array().map(|c| if c.is_finite() { c.clamp(0.0, most) } else { 0.0 }));
     if usable != given {
-        findings.warn(node.at_field(field), format!("{} has a {field} outside [0, 1]; it was brought inside", node.kind()));
+        findings.warn(node.at_field(field), format!("{} has a {field} outside [0, {most:?}]; it was brought inside", node.kind()));
     }
     usable
 }

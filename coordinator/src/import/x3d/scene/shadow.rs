@@ -137,7 +137,9 @@ fn complete(light: &mut Light, casters: Bounds, receivers: Bounds) {
         let [left, bottom, right, top] = &mut p.rectangle;
         for (low, high) in [(left, right), (bottom, top)] {
             if *high <= *low {
-                (*low, *high) = (*low - 0.5, *high + 0.5);
+                // Far from the location half a metre is less than the next number.
+                let half = low.abs().max(high.abs()).max(5e5) * 1e-6;
+                (*low, *high) = (*low - half, *high + half);
             }
         }
     }

@@ -27,7 +27,12 @@ pub(super) fn camera(placed: &Placed<'_>, name: String, findings: &mut Findings)
     let lens = if node.kind() == "OrthoViewpoint" {
         let view = node.mf_float("fieldOfView");
         let [_, bottom, _, top] = view.first_chunk::<4>().copied().unwrap_or([-1.0, -1.0, 1.0, 1.0]);
-        Lens::Orthographic { half_height: (top - bottom).abs() / 2.0 }
+        let half_height = (top - bottom).abs() / 2.0;
+        if !(half_height > 0.0 && half_height.is_finite()) {
+            findings.warn(node.at_field("fieldOfView"), format!("the viewpoint `{name}` shows no height and was left out"));
+            return None;
+        }
+        Lens::Orthographic { half_height }
     } else {
         Lens::Perspective { fov: field_of_view(node, findings), of_smaller: true }
     };

@@ -94,6 +94,16 @@ fn an_automatic_rectangle_is_fitted_to_what_casts() {
     // The location lies one size beyond the corner that faces the light: at (-3, -3, 3).
     assert_eq!((p.location, p.rectangle), ([-3.0, -3.0, 3.0], [2.0, 2.0, 4.0, 4.0]));
     assert_eq!((p.near, p.far, p.automatic), (1.0, 8.0, 7));
+    // From so far that all corners have the same number.
+    let [left, _, right, _] = light(node("DirectionalLight", [("projectionLocation", One("1e9 0 0"))])).projection.rectangle;
+    assert!(left < -1e9 && right > -1e9 && right - left < 1e4, "{left} {right}");
+}
+
+#[test]
+fn a_viewpoint_without_height_is_left_out() {
+    let view = |extent| scene_of(&[node("OrthoViewpoint", [("fieldOfView", Many(extent))]), shape(vec![])]).cameras;
+    assert_eq!(view("-2 -1 2 3")[0].lens, kiln_proto::scene::Lens::Orthographic { half_height: 2.0 });
+    assert!(view("-1 1 1 1").is_empty() && view("-1 -3e38 1 3e38").is_empty());
 }
 
 #[test]
@@ -182,6 +192,8 @@ fn lights_keep_shape_falloff_and_ambient() {
     assert_eq!(doubled.falloff, Falloff::Polynomial { attenuation: [1.0, 1.0, 1.0], radius: 16.0 });
     refused(node("PointLight", [("radius", One("-1"))]), "radius -1");
     refused(node("SpotLight", [("direction", One("0 0 0"))]), "direction without length");
+    refused(node("PointLight", [("intensity", One("5e12"))]), "has the intensity 5e12, which with its color is more than 1e13");
+    refused(node("PointLight", [("ambientIntensity", One("3e38"))]), "has the ambientIntensity 3e38");
 }
 
 #[test]

@@ -36,6 +36,8 @@ fn material_becomes_lambert_and_a_lobe_as_bright_as_x3d_draws_it() {
     assert_eq!((found.diffuse, found.ambient), (Rgb::new(0.2, 0.3, 0.4), 0.3));
     let material = &scene.materials[0];
     assert_eq!((material.emission, material.opacity.mode, material.opacity.factor), (Rgb::new(2.0, 0.0, 0.0), AlphaMode::Blend, 0.75));
+    let blinding = with_material(node("Material", [("emissiveColor", One("3e38 0 0"))]), vec![]);
+    assert_eq!(blinding.materials[0].emission.r, kiln_proto::limits::BRIGHTEST);
 }
 
 #[test]
