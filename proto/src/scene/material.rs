@@ -303,4 +303,22 @@ impl Material {
         let own = [self.emission_texture.as_ref(), self.opacity.texture.as_ref(), self.normal_map.as_ref().map(|n| &n.texture)];
         layers.iter().map(|l| &l.texture).chain(single.into_iter().flatten()).chain(own.into_iter().flatten())
     }
+    /// The same to be changed: a new field of a texture belongs into both.
+    pub fn textures_mut(&mut self) -> impl Iterator<Item = &mut TextureRef> {
+        let (layers, single): (&mut [TextureLayer], [Option<&mut TextureRef>; 4]) = match &mut self.reflection {
+            Reflection::None => (&mut [], [None, None, None, None]),
+            Reflection::Phong(p) => (&mut p.layers, [p.specular_texture.as_mut(), None, None, None]),
+            Reflection::MetallicRoughness(m) => {
+                let single = [
+                    &mut m.metallic_roughness_texture,
+                    &mut m.specular_texture,
+                    &mut m.specular_color_texture,
+                    &mut m.transmission_texture,
+                ];
+                (&mut m.layers, single.map(Option::as_mut))
+            }
+        };
+        let own = [self.emission_texture.as_mut(), self.opacity.texture.as_mut(), self.normal_map.as_mut().map(|n| &mut n.texture)];
+        layers.iter_mut().map(|l| &mut l.texture).chain(single.into_iter().flatten()).chain(own.into_iter().flatten())
+    }
 }

@@ -157,8 +157,10 @@ impl Resolver<'_> {
                     self.warn(field.place, format!("{what} is IS `{}`, which is no field of its type around it", shown(name)));
                     return (argument, None);
                 }
-                let value = around.and_then(|a| a.value.clone()).or_else(|| argument.value.clone());
-                return (Argument { value, place: field.place, ..argument }, Some(name.clone()));
+                // The value stands where it was written, from which addresses in it count, and not where it is handed on.
+                let given = around.and_then(|a| Some((a.value.clone()?, a.place)));
+                let (value, place) = given.map_or((argument.value, argument.place), |(value, place)| (Some(value), place));
+                return (Argument { value, place, ..argument }, Some(name.clone()));
             }
             _ if !argument.access.has_value() => {
                 self.warn(field.place, format!("{what} is an event and has no value; the value was skipped"));

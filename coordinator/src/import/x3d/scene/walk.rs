@@ -53,6 +53,8 @@ struct Walk<'d, 'f> {
 
 /// Visits of one walk: instances of nodes, not nodes. A hundred lines can stand for any number; a million takes a tenth of a second.
 const MAX_STEPS: u64 = 1 << 20;
+/// Viewpoints that become cameras.
+const MAX_VIEWPOINTS: usize = 1000;
 
 impl<'d> World<'d> {
     /// Walks a document from its roots.
@@ -62,8 +64,11 @@ impl<'d> World<'d> {
         let root = Place { matrix: DMat4::IDENTITY, group: 0, name: None };
         for node in document.roots() {
             if !walk.visit(node, root) {
-                let message =
-                    format!("the scene stands for more than {MAX_STEPS} nodes, {} shapes or {} lights", limits::SURFACES, limits::LIGHTS);
+                let message = format!(
+                    "the scene stands for more than {MAX_STEPS} nodes, {} shapes or inlined files, or {} lights",
+                    limits::SURFACES,
+                    limits::LIGHTS
+                );
                 walk.findings.error(node.at(), message);
                 break;
             }
@@ -71,13 +76,16 @@ impl<'d> World<'d> {
         walk.world
     }
 
-    /// Whether `group` is `ancestor` or inside it.
-    pub(super) fn is_inside(&self, mut group: Group, ancestor: Group) -> bool {
+    /// The group itself and all around it, ascending.
+    pub(super) fn around(&self, mut group: Group) -> Vec<Group> {
+        let mut around = vec![group];
         // A group's number is above that of the group around it.
-        while group > ancestor {
+        while group > 0 {
             group = self.parents[group as usize];
+            around.push(group);
         }
-        group == ancestor
+        around.reverse();
+        around
     }
 }
 
@@ -86,7 +94,8 @@ impl<'d> Walk<'d, '_> {
     fn visit(&mut self, node: NodeRef<'d>, place: Place<'d>) -> bool {
         self.steps += 1;
         let world = &mut self.world;
-        if self.steps > MAX_STEPS || world.shapes.len() > limits::SURFACES || world.lights.len() > limits::LIGHTS {
+        let surfaces = world.shapes.len().max(world.files.len());
+        if self.steps > MAX_STEPS || surfaces > limits::SURFACES || world.lights.len() > limits::LIGHTS {
             return false;
         }
         let placed = || Placed { node, matrix: place.matrix, group: place.group, name: node.def().or(place.name) };
@@ -94,6 +103,9 @@ impl<'d> Walk<'d, '_> {
             "Shape" => world.shapes.push(placed()),
             "DirectionalLight" | "PointLight" | "SpotLight" => world.lights.push(placed()),
             "EnvironmentLight" => self.findings.count(node.at(), "EnvironmentLight nodes were skipped: give an environment map instead"),
+            "Viewpoint" | "OrthoViewpoint" if world.viewpoints.len() >= MAX_VIEWPOINTS => {
+                self.findings.count(node.at(), "viewpoints beyond the first thousand were left out");
+            }
             "Viewpoint" | "OrthoViewpoint" => world.viewpoints.push(placed()),
             "NavigationInfo" | "KambiNavigationInfo" | "Background" | "TextureBackground" | "Fog" | "LocalFog" => {
                 world.bindables.push(node);
