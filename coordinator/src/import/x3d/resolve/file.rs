@@ -47,7 +47,7 @@ impl Resolver<'_> {
     }
 
     /// The same nodes below a `Transform` that scales them.
-    fn scaled(&mut self, ids: Vec<NodeId>, scale: f32, place: Place, above: u16) -> Option<NodeId> {
+    pub(super) fn scaled(&mut self, ids: Vec<NodeId>, scale: f32, place: Place, above: u16) -> Option<NodeId> {
         let kind = table::lookup("Transform")?;
         let id = self.push(Node { kind, place, def: None, fields: vec![], height: 1 })?;
         let ((scaling, _), (children, _)) = (kind.field("scale")?, kind.field("children")?);
