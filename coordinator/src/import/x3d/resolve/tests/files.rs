@@ -1,9 +1,13 @@
 //! Prototypes and scenes of other files, their units and names.
 
 use super::{kinds, roots};
-use crate::import::x3d::{
-    Inlined, NodeRef,
-    testing::{classic, outcome_of},
+use crate::import::{
+    Bundle, Content, Part,
+    findings::Findings,
+    x3d::{
+        Inlined, NodeRef, read,
+        testing::{classic, outcome_of},
+    },
 };
 
 #[test]
@@ -72,6 +76,23 @@ fn inlined_files_in_any_encoding() {
     // The same file twice is read once.
     assert_eq!(document.nodes().filter(|n| n.kind() == "Cone").count(), 1);
     assert_eq!(document.files().len(), 4);
+}
+
+/// A file is looked at once to tell what it is, however many nodes inline it: one that cannot be read is said once.
+#[test]
+fn a_file_is_looked_at_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let gone = folder.path().join("gone");
+    std::fs::write(&gone, b"glTF").unwrap();
+    let part = |name: &str, content| Part { name: name.into(), content };
+    let main = b"#X3D V3.0 utf8\nInline { url \"b.glb\" } DEF I Inline { url \"b.glb\" } Inline { url \"b.glb\" }";
+    let parts = vec![part("a", Content::Bytes(main.to_vec())), part("b.glb", Content::File(gone.clone()))];
+    let bundle = Bundle::from_parts(parts, Some("a"), folder.path()).unwrap();
+    std::fs::remove_file(&gone).unwrap();
+    let mut findings = Findings::default();
+    assert!(read(&bundle, bundle.main(), main, None, &mut findings).is_some());
+    let errors = findings.into_errors("a");
+    assert_eq!((errors.len(), errors[0].file.as_deref()), (1, Some("b.glb")), "{errors:?}");
 }
 
 #[test]
