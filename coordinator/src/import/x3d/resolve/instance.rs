@@ -7,7 +7,7 @@
 use super::{
     Resolver,
     frame::{Argument, Arguments, Connected, Connections, Frame, Target},
-    node::{in_radians, stands_for},
+    node::{in_radians, is_read_once, stands_for},
     proto::Prototype,
 };
 use crate::import::x3d::{
@@ -220,15 +220,27 @@ impl Resolver<'_> {
 
     /// `field IS name`: the value of the instance, if there is one, and a way for its events.
     pub(super) fn connect(&mut self, frame: &mut Frame, id: NodeId, (index, field): (u16, &Field), name: &str, place: Place, above: u16) {
+        // Said once for all instances.
         let Some(argument) = frame.arguments.as_ref().map(|a| a.get(name)) else {
-            return self.warn(place, format!("IS `{}` stands in no prototype; it was skipped", shown(name)));
+            return self.tally.add(place, format!("IS `{}` stands in no prototype; it was skipped", shown(name)));
         };
         let Some(argument) = argument else {
-            return self.warn(place, format!("IS `{}`: the prototype has no such field; it was skipped", shown(name)));
+            return self.tally.add(place, format!("IS `{}`: the prototype has no such field; it was skipped", shown(name)));
         };
-        if argument.ty != field.ty || !stands_for(field.access, argument.access) {
-            let message = format!("IS `{}` is {} and the field `{}` is {}; it was skipped", shown(name), argument.ty, field.name, field.ty);
-            return self.warn(place, message);
+        if argument.ty != field.ty || !(stands_for(field.access, argument.access) || is_read_once(field.access, argument.access)) {
+            let (outer, inner) = (argument.access.name(), field.access.name());
+            let message = format!(
+                "IS `{}` is {outer} {} and the field `{}` is {inner} {}; it was skipped",
+                shown(name),
+                argument.ty,
+                field.name,
+                field.ty
+            );
+            return self.tally.add(place, message);
+        }
+        if is_read_once(field.access, argument.access) {
+            let message = format!("IS `{}` takes events, which the field `{}` does not; its value was taken", shown(name), field.name);
+            self.tally.add(place, message);
         }
         if let Some(value) = &argument.value
             && field.access.has_value()
@@ -241,7 +253,9 @@ impl Resolver<'_> {
             };
             self.set(id, index, argument.place, value, above);
         }
-        if let Some(connected) = frame.connections.get_mut(name) {
+        if let Some(connected) = frame.connections.get_mut(name)
+            && stands_for(field.access, argument.access)
+        {
             connected.fields.push((id, index));
         }
     }

@@ -7,7 +7,7 @@ use super::{
 use crate::import::x3d::{
     document::{Node, NodeId, Place},
     limits::{MAX_DEPTH, MAX_RECURSION},
-    literal::{self, shown},
+    literal::{self, Form, shown},
     syntax::{FieldItem, Item, NodeItem, Span, Written},
     table::{self, Access, Field, NodeType},
     value::{Base, FieldType, Store, Value},
@@ -68,7 +68,7 @@ impl Resolver<'_> {
         {
             return self.instance(frame, item, prototype, above);
         }
-        match built_in {
+        match built_in.or_else(|| self.in_capitals(frame, item)) {
             Some(kind) if !kind.skipped => self.built_in(frame, item, kind, above),
             Some(kind) => {
                 self.tally.add(item.place, format!("the node `{}` is not supported and was skipped", kind.name));
@@ -80,6 +80,13 @@ impl Resolver<'_> {
                 None
             }
         }
+    }
+
+    /// The type that a page of HTML means, which may be written without capitals there.
+    fn in_capitals(&mut self, frame: &Frame, item: &NodeItem) -> Option<&'static NodeType> {
+        let kind = table::lookup_in_any_case(&item.name).filter(|_| frame.file.source.form == Form::Xml)?;
+        self.tally.add(item.place, "nodes written in other capitals than X3D's, as pages of HTML have them, were read as X3D's".to_owned());
+        Some(kind)
     }
 
     /// `USE name`.
@@ -156,6 +163,7 @@ impl Resolver<'_> {
         let kind = self.node_of(id).kind;
         // `set_intensity IS power` is said of the event alone.
         let found = if matches!(item.written, Written::Is(_)) { kind.event(&item.name) } else { kind.field(&item.name) };
+        let found = found.or_else(|| kind.field_in_any_case(&item.name).filter(|_| frame.file.source.form == Form::Xml));
         let Some((index, field)) = found else {
             self.tally.add(item.place, format!("the field `{}` of `{}` is unknown and was skipped", shown(&item.name), kind.name));
             if let Written::Nodes(items) = &item.written {
@@ -278,6 +286,11 @@ pub(super) fn in_radians(value: Value, ty: FieldType, angle: bool, factor: f32) 
         }
         other => other,
     }
+}
+
+/// Whether a field that only a file sets can have the value of one that events set too: the standard forbids it, and files do it.
+pub(super) fn is_read_once(inner: Access, outer: Access) -> bool {
+    inner == Access::Initialize && outer == Access::InputOutput
 }
 
 /// Whether a field can be one that a field of a prototype stands for.

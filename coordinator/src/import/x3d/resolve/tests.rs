@@ -141,12 +141,24 @@ fn bad_prototypes_are_said() {
     classic("PROTO P [ ] { P { } } P { }").warned("a:2: column 15: the node `P` is unknown");
     classic("PROTO P [ ] { } Group { children P { } }").warned("a:2: column 1: the prototype `P` has no nodes");
     classic("PROTO P [ field SFFloat f 1 ] { Box { size IS f } } P { }")
-        .warned("a:2: column 44: IS `f` is SFFloat and the field `size` is SFVec3f");
+        .warned("a:2: column 44: IS `f` is initializeOnly SFFloat and the field `size` is initializeOnly SFVec3f");
+    classic("PROTO P [ exposedField SFBool f TRUE ] { Box { size IS f } } P { } P { } P { }").warned(
+        "a:2: column 53: IS `f` is inputOutput SFBool and the field `size` is initializeOnly SFVec3f; it was skipped: 3, the first here",
+    );
     classic("PROTO P [ ] { Box { size IS f } } P { }").warned("a:2: column 26: IS `f`: the prototype has no such field");
     classic("Box { size IS f }").warned("a:2: column 12: IS `f` stands in no prototype");
     classic("PROTO P [ ] { Box { } } P { f 1 }").warned("a:2: column 31: the prototype `P` has no field `f`");
     classic("PROTO P [ eventIn SFBool f ] { Box { } } P { f TRUE }")
         .warned("a:2: column 48: the field `f` of the prototype `P` is an event");
+}
+
+/// The standard forbids it, files do it: the value is there, and only events have nowhere to go.
+#[test]
+fn a_field_that_is_read_once_takes_the_value_of_one_that_changes() {
+    let text = "PROTO P [ exposedField SFVec3f s 1 2 3 ] { Box { size IS s } } DEF A P { s 4 5 6 } P { }";
+    let document =
+        classic(text).warned("a:2: column 55: IS `s` takes events, which the field `size` does not; its value was taken: 2, the first");
+    assert_eq!(roots(&document).iter().map(|n| n.vec3("size")[0]).collect::<Vec<_>>(), [4.0, 1.0]);
 }
 
 /// Twenty levels of two instances each are a million nodes.

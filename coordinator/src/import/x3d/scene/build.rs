@@ -85,7 +85,7 @@ pub(in crate::import::x3d) fn build(
         findings.error(At::file(main), "no shape of the scene has a surface: there is nothing to bake");
         return None;
     }
-    say_what_is_missing(&world, &scene, main, findings);
+    say_what_is_missing(&world, &scene, options, main, findings);
     Some(scene)
 }
 
@@ -239,7 +239,7 @@ fn colour_lights(scene: &mut Scene, shapes: &[Formed<'_, '_>], projectors: &Proj
     }
 }
 
-fn say_what_is_missing(world: &World<'_>, scene: &Scene, main: &str, findings: &mut Findings) {
+fn say_what_is_missing(world: &World<'_>, scene: &Scene, options: &ImportOptions, main: &str, findings: &mut Findings) {
     for node in &world.bindables {
         match node.kind() {
             "Background" | "TextureBackground" => findings.count(node.at(), "Background nodes were left out, they give no light in X3D"),
@@ -248,11 +248,13 @@ fn say_what_is_missing(world: &World<'_>, scene: &Scene, main: &str, findings: &
         }
     }
     let headlight = world.bindables.iter().find(|n| n.has("headlight")).is_none_or(|n| n.bool("headlight"));
-    if headlight && !scene.has_light() {
-        findings.warn_once(
-            At::file(main),
-            NO_LIGHT,
-            "the scene is lit by the viewer's headlight only, which moves with the camera and cannot be baked",
-        );
+    let is_lit = options.environment.is_some() || scene.lights.iter().any(|l| !l.intensity.is_black());
+    if headlight && !is_lit {
+        let message = if scene.has_light() {
+            "the viewer's headlight, which moves with the camera, cannot be baked: what shines by itself is all the light that the scene has"
+        } else {
+            "the scene is lit by the viewer's headlight only, which moves with the camera and cannot be baked"
+        };
+        findings.warn_once(At::file(main), NO_LIGHT, message);
     }
 }

@@ -49,25 +49,63 @@ pub(super) struct Sides {
     pub(super) back: Option<Material>,
 }
 
+/// What the fields of a material are called.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Names {
+    /// As in Material.
+    Plain,
+    /// As those of the back in TwoSidedMaterial.
+    Back,
+    /// As in CommonSurfaceShader, X3DOM's and Castle's material in the form of a shader.
+    Factors,
+}
+
+impl Names {
+    /// The name of a field of Material here.
+    fn of(self, name: &str) -> String {
+        match (self, name.split_at_checked(1)) {
+            (Self::Back, Some((first, rest))) => format!("back{}{rest}", first.to_uppercase()),
+            (Self::Factors, _) => format!("{}Factor", name.trim_end_matches("Color")),
+            _ => name.to_owned(),
+        }
+    }
+}
+
+/// The material of a shape's front. A shader that describes one comes before the material that viewers without it draw.
+pub(super) fn front(appearance: NodeRef<'_>) -> Option<NodeRef<'_>> {
+    appearance.children("shaders").find(|s| s.kind() == "CommonSurfaceShader").or_else(|| appearance.node("material"))
+}
+
 /// Whether some side of a shape is drawn in its colour whatever light there is.
 pub(super) fn is_unlit(appearance: Option<NodeRef<'_>>) -> bool {
-    let side = |field| appearance.and_then(|a| a.node(field));
-    side("material").is_none_or(|m| m.kind() == "UnlitMaterial") || side("backMaterial").is_some_and(|m| m.kind() == "UnlitMaterial")
+    let Some(appearance) = appearance else { return true };
+    let is_unlit = |m: NodeRef<'_>| m.kind() == "UnlitMaterial";
+    let has_shader = appearance.node("shaders").is_some();
+    front(appearance).map_or(!has_shader, is_unlit) || appearance.node("backMaterial").is_some_and(is_unlit)
 }
 
 /// Converts the material of a shape.
 pub(super) fn convert<'d>(shape: &Shape<'d, '_>, textures: &mut Textures<'_, 'd>, findings: &mut Findings) -> Sides {
-    let node = shape.appearance.and_then(|a| a.node("material"));
+    let node = shape.appearance.and_then(front);
+    let shader = shape.appearance.and_then(|a| a.children("shaders").find(|s| s.kind() != "CommonSurfaceShader"));
     let mut maker = Maker { shape, textures, findings };
+    if let Some(shader) = shader {
+        maker.findings.count(shader.at(), "shaders do not run in a bake; their shapes were given what else their appearance says");
+    }
     let Some(node) = node else {
-        let mut front = maker.unlit("unlit", Rgb::WHITE, None);
+        let mut front = match shader {
+            // Whatever the shader draws, it is hardly white light.
+            Some(_) => maker.grey(),
+            None => maker.unlit("unlit", Rgb::WHITE, None),
+        };
         front.opacity = maker.opacity(0.0, None);
         return Sides { front, back: None };
     };
-    let front = maker.side(node, "");
+    let names = if node.kind() == "CommonSurfaceShader" { Names::Factors } else { Names::Plain };
+    let front = maker.side(node, names);
     let back = match shape.appearance.and_then(|a| a.node("backMaterial")) {
-        Some(back) => Some(maker.side(back, "")),
-        None if node.kind() == "TwoSidedMaterial" && node.bool("separateBackColor") => Some(maker.side(node, "back")),
+        Some(back) => Some(maker.side(back, Names::Plain)),
+        None if node.kind() == "TwoSidedMaterial" && node.bool("separateBackColor") => Some(maker.side(node, Names::Back)),
         None => None,
     };
     Sides { front, back }
@@ -95,8 +133,8 @@ struct Maker<'m, 'd, 'a, 'b> {
 }
 
 impl<'d> Maker<'_, 'd, '_, '_> {
-    /// The material of a node; `prefix` picks the fields of a TwoSidedMaterial's back.
-    fn side(&mut self, node: NodeRef<'d>, prefix: &str) -> Material {
+    /// The material of a node.
+    fn side(&mut self, node: NodeRef<'d>, names: Names) -> Material {
         let name = node.def().unwrap_or(node.kind());
         let emissive = self.own(node, "emissiveTexture", Coding::Srgb);
         // The texture that carries the opacity (X3D 4: 12.4) is that of the colour.
@@ -111,35 +149,46 @@ impl<'d> Maker<'_, 'd, '_, '_> {
             }
             _ => {
                 let base = self.own(node, "diffuseTexture", Coding::Srgb);
-                (self.phong(node, name, prefix, base), base)
+                (self.phong(node, name, names, base), base)
             }
         };
         if node.kind() != "UnlitMaterial" {
-            material.emission = colour(node, &field(prefix, "emissiveColor"), self.findings);
+            material.emission = colour(node, &names.of("emissiveColor"), self.findings);
             material.emission_texture = emissive.map(|own| own.texture);
         }
         let normals = self.own(node, "normalTexture", Coding::Linear);
-        material.normal_map = normals.map(|own| NormalMap { texture: own.texture, scale: node.float("normalScale") });
+        let scale = if node.has("normalScale") { node.float("normalScale") } else { 1.0 };
+        material.normal_map = normals.map(|own| NormalMap { texture: own.texture, scale });
         if ["occlusionTexture", "ambientTexture", "shininessTexture"].iter().any(|f| node.has(f) && node.node(f).is_some()) {
             self.findings.count(node.at(), "occlusion, ambient and shininess textures were ignored");
         }
-        material.opacity = self.opacity(node.float(&field(prefix, "transparency")), base);
+        if node.has("mirror") && node.float("mirror") > 0.0 {
+            self.findings.count(node.at_field("mirror"), "the `mirror` of materials was ignored");
+        }
+        let transparency = if names == Names::Factors { 1.0 - node.float("alphaFactor") } else { node.float(&names.of("transparency")) };
+        material.opacity = self.opacity(transparency, base);
         material
     }
 
-    fn phong(&mut self, node: NodeRef<'d>, name: &str, prefix: &str, base: Option<Own<'d>>) -> Material {
+    fn phong(&mut self, node: NodeRef<'d>, name: &str, names: Names, base: Option<Own<'d>>) -> Material {
         let has_colours = self.shape.colours.is_some();
-        let mut diffuse = if has_colours { Rgb::WHITE } else { colour(node, &field(prefix, "diffuseColor"), self.findings) };
-        let (ks, shininess) = (colour(node, &field(prefix, "specularColor"), self.findings), node.float(&field(prefix, "shininess")));
+        let mut diffuse = if has_colours { Rgb::WHITE } else { colour(node, &names.of("diffuseColor"), self.findings) };
+        let (ks, shininess) = (colour(node, &names.of("specularColor"), self.findings), node.float(&names.of("shininess")));
         let exponent = shininess.clamp(0.0, 1.0) * SHARPEST / HALF_VECTOR;
         let mut specular = ks * (2.0 / (exponent + 2.0));
         let scale = energy_scale(diffuse, specular);
         (diffuse, specular) = (diffuse * scale, specular * scale);
-        let ambient = node.float(&field(prefix, "ambientIntensity")).clamp(0.0, 1.0);
+        let ambient = match names {
+            Names::Factors => Rgb::from(node.vec3("ambientFactor")).mean(),
+            _ => node.float(&names.of("ambientIntensity")),
+        };
         let layers = base.map_or_else(|| self.layers(), Own::layers);
         let specular_texture = self.own(node, "specularTexture", Coding::Srgb).map(|own| own.texture);
         let lobe = Lobe::Phong { exponent };
-        Material::new(name, Reflection::Phong(Phong { diffuse, layers, specular, specular_texture, lobe, ambient }))
+        Material::new(
+            name,
+            Reflection::Phong(Phong { diffuse, layers, specular, specular_texture, lobe, ambient: ambient.clamp(0.0, 1.0) }),
+        )
     }
 
     fn physical(&mut self, node: NodeRef<'d>, name: &str, base: Option<Own<'d>>) -> Material {
@@ -150,6 +199,12 @@ impl<'d> Maker<'_, 'd, '_, '_> {
         let texture = self.own(node, "metallicRoughnessTexture", Coding::Linear).map(|own| own.texture);
         let pbr = MetallicRoughness::plain(color, share("metallic"), share("roughness"));
         Material::new(name, Reflection::MetallicRoughness(MetallicRoughness { layers, metallic_roughness_texture: texture, ..pbr }))
+    }
+
+    /// What a Material looks like of which nothing is said, with the textures of the appearance.
+    fn grey(&self) -> Material {
+        let diffuse = if self.shape.colours.is_some() { Rgb::WHITE } else { Rgb::splat(0.8) };
+        Material::new("shader", Reflection::Phong(Phong { layers: self.layers(), ..Phong::matt(diffuse) }))
     }
 
     /// Something that is drawn in its colour whatever light there is: it gives that colour as light. Emission does not vary with vertices:
@@ -215,13 +270,6 @@ impl<'d> Maker<'_, 'd, '_, '_> {
             return Opacity::OPAQUE;
         }
         Opacity { mode, factor, texture: texture.map(|own| own.texture) }
-    }
-}
-
-fn field(prefix: &str, name: &str) -> String {
-    match name.split_at_checked(1) {
-        Some((first, rest)) if !prefix.is_empty() => format!("{prefix}{}{rest}", first.to_uppercase()),
-        _ => name.to_owned(),
     }
 }
 

@@ -2,6 +2,7 @@
 
 use super::{
     coordinates::{Coordinates, Source},
+    material::front,
     shadow::can_project,
 };
 use crate::import::x3d::NodeRef;
@@ -37,6 +38,11 @@ pub(super) fn find<'d>(
     let texture = material.has(field).then(|| material.node(field)).flatten()?;
     let mapping = material.string(&format!("{field}Mapping"));
     let transform = appearance.and_then(|a| a.node("textureTransform")).and_then(|t| named(t, mapping));
+    // X3DOM's CommonSurfaceShader may wrap its textures.
+    let (texture, transform) = match texture.kind() {
+        "SurfaceShaderTexture" => (texture.node("texture")?, texture.node("textureTransform")),
+        _ => (texture, transform),
+    };
     let is_colour = match field {
         "diffuseTexture" | "baseTexture" => true,
         _ => field == "emissiveTexture" && material.kind() == "UnlitMaterial",
@@ -46,7 +52,7 @@ pub(super) fn find<'d>(
 
 /// All textures in fields of an appearance's materials.
 pub(super) fn all<'d>(appearance: NodeRef<'d>, coordinates: &Coordinates<'d>) -> Vec<OwnTexture<'d>> {
-    let materials = ["material", "backMaterial"].into_iter().filter_map(|side| appearance.node(side));
+    let materials = front(appearance).into_iter().chain(appearance.node("backMaterial"));
     materials.flat_map(|m| FIELDS.into_iter().filter_map(move |field| find(m, field, Some(appearance), coordinates))).collect()
 }
 

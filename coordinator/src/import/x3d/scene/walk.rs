@@ -130,6 +130,12 @@ impl<'d> Walk<'d, '_> {
                 }
                 node.children("children").take(1).collect()
             }
+            "HAnimHumanoid" => {
+                if node.node("skin").is_some() {
+                    self.findings.count(node.at(), "skins of humanoids were baked as their points stand, whatever the pose of the joints");
+                }
+                node.children("skeleton").chain(node.children("skin")).collect()
+            }
             "CADFace" => node.node("shape").into_iter().collect(),
             "Billboard" => {
                 self.findings.count(node.at(), "Billboard nodes were baked as they stand, not turned to a viewer");

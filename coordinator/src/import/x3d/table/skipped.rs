@@ -78,9 +78,6 @@ ImageTexture3D in texture skipped : Node
 PixelTexture3D in texture skipped : Node
 ComposedTexture3D in texture skipped : Node
 RenderedTexture in texture skipped : Node
-ProgramShader in shaders skipped : Node
-PackagedShader in shaders skipped : Node
-ShaderProgram in programs skipped : Node
 Effect in effects skipped : Node
 EffectPart in parts skipped : Node
 TextureProjector in children skipped : Child
@@ -95,7 +92,7 @@ NurbsTrimmedSurface in geometry skipped : Node
 NurbsSweptSurface in geometry skipped : Node
 NurbsSwungSurface in geometry skipped : Node
 NurbsCurve in geometry skipped : Node
-HAnimHumanoid in children skipped : Child
+HAnimMotion in motions skipped : Node
 GeoLocation in children skipped : Child
 GeoTransform in children skipped : Child
 GeoViewpoint in children skipped : Child
