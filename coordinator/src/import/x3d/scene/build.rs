@@ -23,7 +23,7 @@ use crate::import::{
 use kiln_proto::{
     limits,
     options::{ImportOptions, OutsideMap, ProjectorMode, ShadowMode},
-    scene::{Camera, Mapping, Material, Scene, ShadowMap, ShadowRules, TextureRef},
+    scene::{Camera, Mapping, Material, Reflection, Scene, ShadowMap, ShadowRules, TextureRef},
 };
 use std::{collections::BTreeMap, rc::Rc};
 
@@ -249,7 +249,8 @@ fn say_what_is_missing(world: &World<'_>, scene: &Scene, options: &ImportOptions
     }
     let headlight = world.bindables.iter().find(|n| n.has("headlight")).is_none_or(|n| n.bool("headlight"));
     let is_lit = options.environment.is_some() || scene.lights.iter().any(|l| !l.intensity.is_black());
-    if headlight && !is_lit {
+    let wants_light = scene.materials.iter().any(|m| m.reflection != Reflection::None);
+    if headlight && !is_lit && wants_light {
         let message = if scene.has_light() {
             "the viewer's headlight, which moves with the camera, cannot be baked: what shines by itself is all the light that the scene has"
         } else {

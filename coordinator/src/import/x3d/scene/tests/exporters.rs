@@ -112,5 +112,6 @@ fn a_headlight_is_missed_where_nothing_else_lights_the_scene() {
     assert!(said(&glowing, &default, "what shines by itself is all the light"));
     assert!(!said(&[shape(vec![]), node("PointLight", [])], &default, "headlight"));
     let off = node("NavigationInfo", [("headlight", One("FALSE"))]);
-    assert!(!said(&[off, bone()], &default, "headlight"));
+    assert!(!said(&[off, shape(vec![])], &default, "headlight"));
+    assert!(!said(&[bone()], &default, "headlight"), "what is unlit needs none");
 }
