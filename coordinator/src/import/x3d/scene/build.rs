@@ -38,6 +38,10 @@ pub(in crate::import::x3d) fn build(
     let mut textures = Textures::new(bundle);
     let mut lights = Lights::of(&world, options.light_units, findings);
     let mut reach = Reach::new(&world);
+    for light in reach.shining_on_nothing() {
+        let what = "lights that are not `global` and whose group has no shapes shine on nothing; make them `global`";
+        findings.count(light.at(), what);
+    }
     let mut shapes = form(&world, &mut textures, options, findings);
     receive(&mut shapes, &mut lights, &mut reach, options, findings)?;
     let files = inlined::read(bundle, &world, options, findings);

@@ -4,7 +4,11 @@
 //! groups that use each other make millions of pairs of few nodes, so pairs are counted before any list is copied.
 
 use super::walk::{Group, World};
-use std::{collections::BTreeMap, rc::Rc};
+use crate::import::x3d::NodeRef;
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    rc::Rc,
+};
 
 /// Pairs of a surface and a light that may be listed, or of a group and a light that may be looked at; 64 MB of numbers.
 const MAX_PAIRS: usize = 1 << 24;
@@ -47,6 +51,16 @@ impl<'w, 'd> Reach<'w, 'd> {
         let unlit: Rc<[u32]> = unlit;
         self.known.insert(group, Rc::clone(&unlit));
         Ok(unlit)
+    }
+
+    /// The lights that reach nothing: they are not global and their groups hold neither shapes nor files.
+    pub(super) fn shining_on_nothing(&self) -> impl Iterator<Item = NodeRef<'d>> {
+        let world = self.world;
+        let held = world.shapes.iter().chain(world.files.iter().map(|(placed, _)| placed)).map(|placed| placed.group);
+        let held: BTreeSet<Group> = held.collect();
+        let reached: BTreeSet<Group> = held.into_iter().flat_map(|group| world.around(group)).collect();
+        let lights = self.bound.iter().filter(move |(_, group)| !reached.contains(group));
+        lights.map(|(index, _)| world.lights[*index as usize].node)
     }
 
     /// Counts pairs that somebody is about to list.

@@ -116,19 +116,38 @@ impl<'d> Walk<'d, '_> {
     }
 
     fn descend(&mut self, node: NodeRef<'d>, place: Place<'d>) -> bool {
-        if node.has("visible") && !node.bool("visible") {
-            self.findings.count(node.at(), "groups that are not visible were left out");
+        if is_hidden(node) {
+            self.findings.count(node.at(), HIDDEN);
             return true;
         }
         let group = self.world.parents.len() as Group;
         let inner = Place { matrix: place.matrix * space::local(node), group, name: node.def().or(place.name) };
-        let children: Vec<NodeRef<'d>> = match node.kind() {
-            "Switch" => usize::try_from(node.int("whichChoice")).ok().and_then(|i| node.children("children").nth(i)).into_iter().collect(),
+        let children = match node.inlined() {
+            Some(Inlined::Nodes(roots)) => roots.iter().map(|id| self.document.node(*id)).collect(),
+            Some(Inlined::File(path)) => {
+                let placed = Placed { node, matrix: inner.matrix, group, name: inner.name };
+                self.world.files.push((placed, path.clone()));
+                vec![]
+            }
+            None => self.shown(node),
+        };
+        if children.is_empty() && self.world.files.last().is_none_or(|(f, _)| f.group != group) {
+            return true;
+        }
+        self.world.parents.push(place.group);
+        children.into_iter().all(|child| self.visit(child, inner))
+    }
+
+    /// What of a group is baked.
+    fn shown(&mut self, node: NodeRef<'d>) -> Vec<NodeRef<'d>> {
+        let children = || node.children("children");
+        match node.kind() {
+            "Switch" => usize::try_from(node.int("whichChoice")).ok().and_then(|i| children().nth(i)).into_iter().collect(),
             "LOD" => {
-                if node.children("children").nth(1).is_some() {
+                if children().nth(1).is_some() {
                     self.findings.count(node.at(), "LOD nodes show their first level");
                 }
-                node.children("children").take(1).collect()
+                children().take(1).collect()
             }
             "HAnimHumanoid" => {
                 if node.node("skin").is_some() {
@@ -136,26 +155,30 @@ impl<'d> Walk<'d, '_> {
                 }
                 node.children("skeleton").chain(node.children("skin")).collect()
             }
+            // X3D 3 has a list for the children of a CADLayer, X3D 4 one word for all.
+            "CADLayer" if node.mf_int("visible").len() > 1 => {
+                let hidden = |at: usize| node.mf_int("visible").get(at).is_some_and(|v| *v == 0);
+                let (left, shown): (Vec<_>, Vec<_>) = children().enumerate().partition(|(at, _)| hidden(*at));
+                left.iter().for_each(|(_, n)| self.findings.count(n.at(), HIDDEN));
+                shown.into_iter().map(|(_, n)| n).collect()
+            }
             "CADFace" => node.node("shape").into_iter().collect(),
             "Billboard" => {
                 self.findings.count(node.at(), "Billboard nodes were baked as they stand, not turned to a viewer");
-                node.children("children").collect()
+                children().collect()
             }
-            _ => match node.inlined() {
-                Some(Inlined::Nodes(roots)) => roots.iter().map(|id| self.document.node(*id)).collect(),
-                Some(Inlined::File(path)) => {
-                    let placed = Placed { node, matrix: inner.matrix, group, name: inner.name };
-                    self.world.files.push((placed, path.clone()));
-                    vec![]
-                }
-                None => node.children("children").collect(),
-            },
-        };
-        if children.is_empty() && self.world.files.last().is_none_or(|(f, _)| f.group != group) {
-            return true;
+            _ => children().collect(),
         }
-        self.world.parents.push(place.group);
-        children.into_iter().all(|child| self.visit(child, inner))
+    }
+}
+
+/// What is said of groups that are left out because they are told not to be seen.
+const HIDDEN: &str = "groups that are not visible were left out";
+
+fn is_hidden(node: NodeRef<'_>) -> bool {
+    match node.kind() {
+        "CADLayer" => node.mf_int("visible") == [0],
+        _ => node.has("visible") && !node.bool("visible"),
     }
 }
 

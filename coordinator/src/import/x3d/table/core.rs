@@ -62,6 +62,7 @@ KambiInline in children : Child Bounded Address
   MFNode     [in,out] replaceNodes []
 CADLayer in children : Grouping
   SFString   [in,out] name
+  MFBool     [in,out] visible TRUE
 CADAssembly in children : Grouping
   SFString   [in,out] name
 CADPart in children : Grouping Placed

@@ -100,6 +100,40 @@ fn physical_materials_with_the_names_of_gltf() {
     assert_eq!((pbr.base_color, pbr.metallic, pbr.roughness), (Rgb::new(0.9, 0.5, 0.1), 0.75, 0.5));
 }
 
+/// Blender's exporter puts each sun into a Transform of its own, where by the standard it shines on nothing else.
+#[test]
+fn a_light_alone_in_its_group_is_said_to_shine_on_nothing() {
+    let alone = |light: Node| node("Transform", [("children", Children(vec![light]))]);
+    let warned = |roots: &[Node]| {
+        let said = |(name, text): &(&str, String)| import(name, text, &ImportOptions::default()).unwrap().1.join("\n");
+        files(roots).iter().all(|file| said(file).contains("shine on nothing; make them `global`: 1, here"))
+    };
+    let sun = || node("DirectionalLight", []);
+    assert!(warned(&[alone(sun()), shape(vec![])]));
+    assert!(!warned(&[alone(sun().with("global", One("TRUE"))), shape(vec![])]));
+    assert!(!warned(&[sun(), alone(shape(vec![]))]), "it shines on what hangs deeper in its group");
+}
+
+/// A layer of CAD hides its children one by one.
+#[test]
+fn layers_of_cad_show_the_children_that_they_say() {
+    let part = |name: &'static str| node("CADPart", [("children", Children(vec![node("CADFace", [("shape", Child(bone().def(name)))])]))]);
+    let shown = |visible: Option<&'static str>| -> Vec<String> {
+        let layer = node("CADLayer", [("children", Children(vec![part("A"), part("B")]))]);
+        let layer = if let Some(visible) = visible { layer.with("visible", Many(visible)) } else { layer };
+        let lifted = node("Transform", [("translation", One("0 5 0")), ("children", Children(vec![bone().def("C")]))]);
+        scene_of(&[node("PointLight", []), layer, lifted]).surfaces.iter().map(|s| s.name.clone()).collect()
+    };
+    assert_eq!(shown(Some("FALSE TRUE")), ["B", "C"]);
+    assert_eq!(shown(Some("TRUE FALSE")), ["A", "C"]);
+    assert_eq!(
+        (shown(None), shown(Some("TRUE"))),
+        (vec!["A".to_owned(), "C".to_owned()], vec!["A".to_owned(), "C".to_owned()]),
+        "B lies in A"
+    );
+    assert_eq!(shown(Some("FALSE")), ["C"], "X3D 4 has one for all");
+}
+
 /// CAD without lights relies on the headlight, which is not there: what shines is then no more than what the author made shine.
 #[test]
 fn a_headlight_is_missed_where_nothing_else_lights_the_scene() {
