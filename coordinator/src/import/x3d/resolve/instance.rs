@@ -192,10 +192,11 @@ impl Resolver<'_> {
                 }
                 // The value stands where it was written, from which addresses in it count, and not where it is handed on.
                 let given = around.filter(|a| a.value.is_some()).cloned();
-                let Argument { mut value, place, angle, .. } = given.unwrap_or_else(|| argument.clone());
-                if let Some(Value::Nodes(ids)) = &value {
-                    value = Some(self.handed_over(&ids.to_vec(), scale, place, above));
-                }
+                let Argument { value, place, angle, .. } = given.unwrap_or_else(|| argument.clone());
+                let value = match value {
+                    Some(Value::Nodes(ids)) => Some(self.handed_over(&ids, scale, place, above)),
+                    other => other,
+                };
                 return (Argument { value, place, angle, ..argument }, Some(name.clone()));
             }
             _ if !argument.access.has_value() => {

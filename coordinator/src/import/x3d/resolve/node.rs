@@ -46,15 +46,23 @@ impl Resolver<'_> {
         if !self.step(item.place) {
             return None;
         }
-        // Defaults of prototypes hang nowhere yet and are counted from 0 again; the stack is not.
-        if above >= MAX_DEPTH || self.depth >= MAX_RECURSION {
-            self.error(item.place, format!("more than {MAX_DEPTH} nodes inside one another, with what is instantiated here"));
+        if !self.descend(item.place, above) {
             return None;
         }
-        self.depth += 1;
         let id = self.any_node(frame, item, above);
         self.depth -= 1;
         id
+    }
+
+    /// Counts a node inside others, which the caller counts back; false where there are too many.
+    pub(super) fn descend(&mut self, place: Place, above: u16) -> bool {
+        // Defaults of prototypes hang nowhere yet and are counted from 0 again; the stack is not.
+        if above >= MAX_DEPTH || self.depth >= MAX_RECURSION {
+            self.error(place, format!("more than {MAX_DEPTH} nodes inside one another, with what is instantiated here"));
+            return false;
+        }
+        self.depth += 1;
+        true
     }
 
     fn any_node(&mut self, frame: &mut Frame, item: &NodeItem, above: u16) -> Option<NodeId> {

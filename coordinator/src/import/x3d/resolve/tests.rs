@@ -242,9 +242,18 @@ fn depth_is_bounded_in_every_way_to_get_there() {
     let run = move || {
         let outcome = classic(&format!("PROTO P0 [ ] {{ Box {{ }} }} {defaults} P29 {{ }}"));
         assert!(outcome.errors[0].contains("more than 200 nodes inside one another, with what is instantiated"), "{:?}", outcome.errors);
+        let outcome = classic(&format!("PROTO P0 [ ] {{ Box {{ }} }} {} P29 {{ }}", defaults.replace("Group", "Odd")));
+        assert!(outcome.errors[0].contains("more than 200 nodes inside one another, with what is instantiated"), "{:?}", outcome.errors);
         assert!(dump(&classic(&nest(199)).clean()).contains(" Shape "));
         assert!(dump(&xml(&nest_xml(199)).clean()).contains(" Shape "));
         assert!(dump(&json(&nest_json(199)).clean()).contains(" Shape "));
+        // Nodes that nobody knows are passed by in the same stack.
+        for name in ["Odd", "Layer"] {
+            let odd = |text: String| text.replace("Group", name);
+            for outcome in [classic(&odd(nest(199))), xml(&odd(nest_xml(199))), json(&odd(nest_json(199)))] {
+                assert!(outcome.errors.is_empty() && outcome.warnings.len() == 1, "{:?}", (outcome.errors, outcome.warnings));
+            }
+        }
         classic(&nest(200)).failed("a:2: column 3401: more than 200 nodes inside one another");
         xml(&nest_xml(200)).failed("a:2: column 1401: more than 200 nodes inside one another");
         for deep in [classic(&nest(100_000)), xml(&nest_xml(100_000)), json(&nest_json(100_000))] {

@@ -8,8 +8,7 @@ use super::{
     pixels::pixels,
 };
 use crate::import::{
-    Bundle,
-    bundle::Found,
+    Bundle, bundle,
     findings::{At, Findings},
     images::{Image, Images, Wanted},
     uri,
@@ -53,13 +52,16 @@ struct Sheaf<'d> {
     shadow_maps: Rc<[NodeRef<'d>]>,
 }
 
+/// What a texture node comes to; `None` where it has no image, which is said.
+type Found = Option<(Image, TextureRef)>;
+
 /// The textures of a document. What has been looked at is remembered, so that a fault is told once however many shapes share the node.
 pub(super) struct Textures<'b, 'd> {
     bundle: &'b Bundle,
     pub(super) images: Images,
     pixels: BTreeMap<(NodeId, bool), Option<Image>>,
     /// By texture, transform and whether its bytes are linear.
-    known: BTreeMap<(NodeId, Option<NodeId>, bool), Option<(Image, TextureRef)>>,
+    known: BTreeMap<(NodeId, Option<NodeId>, bool), Found>,
     /// By texture and transform.
     sheaves: BTreeMap<(NodeId, Option<NodeId>), Rc<Sheaf<'d>>>,
 }
@@ -123,13 +125,7 @@ impl<'b, 'd> Textures<'b, 'd> {
     }
 
     /// The texture of one node; `None` where it has none, which is said.
-    pub(super) fn texture(
-        &mut self,
-        node: NodeRef<'_>,
-        transform: Option<NodeRef<'_>>,
-        coding: Coding,
-        findings: &mut Findings,
-    ) -> Option<(Image, TextureRef)> {
+    pub(super) fn texture(&mut self, node: NodeRef<'_>, transform: Option<NodeRef<'_>>, coding: Coding, findings: &mut Findings) -> Found {
         let key = (node.id(), transform.map(NodeRef::id), coding == Coding::Linear);
         if let Some(known) = self.known.get(&key) {
             return *known;
@@ -139,13 +135,7 @@ impl<'b, 'd> Textures<'b, 'd> {
         made
     }
 
-    fn look_up(
-        &mut self,
-        node: NodeRef<'_>,
-        transform: Option<NodeRef<'_>>,
-        coding: Coding,
-        findings: &mut Findings,
-    ) -> Option<(Image, TextureRef)> {
+    fn look_up(&mut self, node: NodeRef<'_>, transform: Option<NodeRef<'_>>, coding: Coding, findings: &mut Findings) -> Found {
         // Colours alone have an opacity; numbers in a texture have none.
         let wanted = Wanted { coding, alpha: coding == Coding::Srgb && node.string("alphaChannel") != "NONE" };
         let image = match node.kind() {
@@ -183,8 +173,8 @@ impl<'b, 'd> Textures<'b, 'd> {
                 return self.data(&url[5..], number, wanted, node, findings);
             }
             match x3d::find(self.bundle, from, url) {
-                Some(Found::Exact(path)) => return self.images.file(self.bundle, path, wanted, at, findings),
-                Some(Found::Near(path)) => {
+                Some(bundle::Found::Exact(path)) => return self.images.file(self.bundle, path, wanted, at, findings),
+                Some(bundle::Found::Near(path)) => {
                     findings.warn(at, format!("the image `{url}` is not in the bundle; `{path}` is used instead"));
                     return self.images.file(self.bundle, path, wanted, at, findings);
                 }

@@ -29,7 +29,11 @@ abstract Placed
 
 Group in children : Grouping
 StaticGroup in children : Grouping
+PickableGroup in children : Grouping
+  MFString   [in,out] objectType "ALL"
+  SFBool     [in,out] pickable TRUE
 Transform in children : Grouping Placed
+EspduTransform in children : Grouping Placed
 MatrixTransform in children : Grouping
   SFMatrix4f [in,out] matrix 1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1
 Switch in children : Child Bounded
