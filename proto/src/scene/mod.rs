@@ -12,6 +12,7 @@ mod light;
 mod material;
 mod sample;
 mod texture;
+mod uses;
 mod validate;
 mod veil;
 

@@ -15,6 +15,7 @@ mod skip;
 mod tally;
 #[cfg(test)]
 mod tests;
+mod value;
 
 use super::{
     document::{Document, Node, NodeId, Place, Set},

@@ -7,8 +7,8 @@
 use super::{
     Resolver,
     frame::{Argument, Arguments, Connected, Connections, Frame, Target},
-    node::{in_radians, is_read_once, stands_for},
     proto::Prototype,
+    value::{in_radians, is_read_once, stands_for},
 };
 use crate::import::x3d::{
     document::{NodeId, Place},
