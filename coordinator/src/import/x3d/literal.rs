@@ -181,7 +181,9 @@ fn pixel(word: &str) -> Result<i32, &'static str> {
 fn images(ty: FieldType, text: &str, form: Form) -> Result<Parsed, Fault> {
     let mut values = Vec::with_capacity(words(text, form).count());
     for (number, (at, word)) in words(text, form).enumerate() {
-        values.push(pixel(word).or_else(|why| fault(at, format!("`{}`, which is {why} (value {})", shown(word), number + 1)))?);
+        // JSON has no hexadecimal numbers, which are put into quotes there.
+        let bare = if form == Form::Json { word.trim_matches('"') } else { word };
+        values.push(pixel(bare).or_else(|why| fault(at, format!("`{}`, which is {why} (value {})", shown(word), number + 1)))?);
     }
     let mut end = 0;
     while end < values.len() && (ty.many || end == 0) {

@@ -248,7 +248,7 @@ fn depth_is_bounded_in_every_way_to_get_there() {
         assert!(dump(&xml(&nest_xml(199)).clean()).contains(" Shape "));
         assert!(dump(&json(&nest_json(199)).clean()).contains(" Shape "));
         // Nodes that nobody knows are passed by in the same stack.
-        for name in ["Odd", "Layer"] {
+        for name in ["Odd", "ScreenGroup"] {
             let odd = |text: String| text.replace("Group", name);
             for outcome in [classic(&odd(nest(199))), xml(&odd(nest_xml(199))), json(&odd(nest_json(199)))] {
                 assert!(outcome.errors.is_empty() && outcome.warnings.len() == 1, "{:?}", (outcome.errors, outcome.warnings));

@@ -162,6 +162,15 @@ impl<'d> Walk<'d, '_> {
                 left.iter().for_each(|(_, n)| self.findings.count(n.at(), HIDDEN));
                 shown.into_iter().map(|(_, n)| n).collect()
             }
+            "LayerSet" => {
+                self.findings.count(node.at(), "layers were baked as one scene: none is drawn over another");
+                let order = node.mf_int("order");
+                // Layer 0 is what stands beside the LayerSet.
+                let (shown, left): (Vec<_>, Vec<_>) =
+                    (1..).zip(node.children("layers")).partition(|(number, _): &(i32, _)| order.contains(number));
+                left.iter().for_each(|(_, n)| self.findings.count(n.at(), HIDDEN));
+                shown.into_iter().map(|(_, n)| n).collect()
+            }
             "CADFace" => node.node("shape").into_iter().collect(),
             "Billboard" => {
                 self.findings.count(node.at(), "Billboard nodes were baked as they stand, not turned to a viewer");

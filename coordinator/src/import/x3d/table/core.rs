@@ -1,4 +1,4 @@
-//! Core, grouping, networking, CAD and information nodes (ISO/IEC 19775-1: 7, 9, 10, 32; VRML97: 6; Castle's MatrixTransform).
+//! Core, grouping, networking, CAD and information nodes (ISO/IEC 19775-1: 7, 9, 10, 32, 35; VRML97: 6; Castle's MatrixTransform).
 
 /// See the head of `table`.
 pub(super) const NODES: &str = r#"
@@ -64,6 +64,14 @@ KambiInline in children : Child Bounded Address
   SFBool     [in,out] global FALSE
   MFString   [in,out] replaceNames []
   MFNode     [in,out] replaceNodes []
+LayerSet in children : Child
+  SFInt32    [in,out] activeLayer 0
+  MFNode     [in,out] layers []
+  MFInt32    [in,out] order 0
+Layer in layers : Grouping
+  MFString   [in,out] objectType "ALL"
+  SFBool     [in,out] pickable|isPickable TRUE
+  SFNode     [in,out] viewport NULL
 CADLayer in children : Grouping
   SFString   [in,out] name
   MFBool     [in,out] visible TRUE

@@ -83,8 +83,6 @@ EffectPart in parts skipped : Node
 TextureProjector in children skipped : Child
 TextureProjectorParallel in children skipped : Child
 TextureProjectorPoint in children skipped : Child
-LayerSet in children skipped : Child
-Layer in layers skipped : Node
 Viewport in viewport skipped : Node
 LayoutLayer in layers skipped : Node
 NurbsPatchSurface in geometry skipped : Node

@@ -134,6 +134,19 @@ fn layers_of_cad_show_the_children_that_they_say() {
     assert_eq!(shown(Some("FALSE")), ["C"], "X3D 4 has one for all");
 }
 
+/// Layers are drawn one over the other, and only those that `order` names.
+#[test]
+fn layers_that_are_drawn_are_baked() {
+    let layer = |name: &'static str, at: &'static str| {
+        let moved = node("Transform", [("translation", One(at)), ("children", Children(vec![bone().def(name)]))]);
+        node("Layer", [("children", Children(vec![moved]))])
+    };
+    let set = |order| node("LayerSet", [("layers", Children(vec![layer("A", "3 0 0"), layer("B", "6 0 0")])), ("order", Many(order))]);
+    let names = |order| -> Vec<String> { scene_of(&[bone(), set(order)]).surfaces.iter().map(|s| s.name.clone()).collect() };
+    assert_eq!(names("0 1 2"), ["Shape", "A", "B"]);
+    assert_eq!((names("0 2"), names("0")), (vec!["Shape".to_owned(), "B".to_owned()], vec!["Shape".to_owned()]));
+}
+
 /// CAD without lights relies on the headlight, which is not there: what shines is then no more than what the author made shine.
 #[test]
 fn a_headlight_is_missed_where_nothing_else_lights_the_scene() {
