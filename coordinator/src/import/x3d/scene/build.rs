@@ -8,7 +8,7 @@ use super::{
     material::{self, Sides},
     projectors::{Maker, Projectors},
     reach::{Reach, TooManyPairs},
-    shadow::{Lights, can_project},
+    shadow::Lights,
     space,
     texture::Textures,
     view,
@@ -38,22 +38,16 @@ pub(in crate::import::x3d) fn build(
     let mut textures = Textures::new(bundle);
     let mut lights = Lights::of(&world, options.light_units, findings);
     let mut reach = Reach::new(&world);
-    for light in reach.shining_on_nothing() {
-        let what = "lights that are not `global` and whose group has no shapes shine on nothing; make them `global`";
-        findings.count(light.at(), what);
-    }
+    reach.say_what_shines_on_nothing(findings);
     let mut shapes = form(&world, &mut textures, options, findings);
     receive(&mut shapes, &mut lights, &mut reach, options, findings)?;
     let files = inlined::read(bundle, &world, options, findings);
     let (casters, receivers) = boxes(&shapes, &files);
     let main = document.files().first().map_or("", |f| f.as_str());
     let cameras = cameras(&world, findings);
-    // Projectors may name lights that stand nowhere else: those must be there before projections are completed.
-    for node in shapes.iter().flat_map(|s| &s.projecting).filter(|n| can_project(**n)) {
-        lights.of_node(*node, options.light_units, findings);
-    }
-    lights.complete(casters, &receivers, findings, At::file(main));
     let maker = Maker { world: &world, cameras: &cameras, casters, options };
+    maker.add_lights(&shapes, &mut lights, findings);
+    lights.complete(casters, &receivers, findings, At::file(main));
     let mut projectors = maker.make(&shapes, &mut lights, findings);
     let mut surfaces = Surfaces::default();
     let colours_lights = options.x3d_projectors == ProjectorMode::Light;
@@ -75,10 +69,7 @@ pub(in crate::import::x3d) fn build(
         lights: lights.lights,
         projectors: std::mem::take(&mut projectors.list),
         cameras: cameras.into_iter().map(|(_, c)| c).collect(),
-        rules: ShadowRules {
-            strict: options.x3d_shadows == ShadowMode::Strict,
-            outside_is_shadowed: options.x3d_outside_map == OutsideMap::Shadowed,
-        },
+        rules: rules(options),
         ..Scene::empty()
     };
     colour_lights(&mut scene, &shapes, &projectors, findings);
@@ -91,6 +82,10 @@ pub(in crate::import::x3d) fn build(
     }
     say_what_is_missing(&world, &scene, options, main, findings);
     Some(scene)
+}
+
+fn rules(options: &ImportOptions) -> ShadowRules {
+    ShadowRules { strict: options.x3d_shadows == ShadowMode::Strict, outside_is_shadowed: options.x3d_outside_map == OutsideMap::Shadowed }
 }
 
 /// Finds out whose shadows each shape receives, once for each appearance; `None` where those are too many, which is then an error.

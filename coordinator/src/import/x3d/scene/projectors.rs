@@ -41,6 +41,13 @@ impl Projectors {
 }
 
 impl Maker<'_, '_> {
+    /// Adds the lights that stand nowhere but in a projector, which must be there before projections are completed.
+    pub(super) fn add_lights(&self, shapes: &[Formed<'_, '_>], lights: &mut Lights, findings: &mut Findings) {
+        for node in shapes.iter().flat_map(|s| &s.projecting).filter(|n| can_project(**n)) {
+            lights.of_node(*node, self.options.light_units, findings);
+        }
+    }
+
     /// The projectors of all textures of some shapes. The projections of lights have to be complete.
     pub(super) fn make(&self, shapes: &[Formed<'_, '_>], lights: &mut Lights, findings: &mut Findings) -> Projectors {
         let mut out = Projectors::default();

@@ -4,7 +4,7 @@
 //! groups that use each other make millions of pairs of few nodes, so pairs are counted before any list is copied.
 
 use super::walk::{Group, World};
-use crate::import::x3d::NodeRef;
+use crate::import::findings::Findings;
 use std::{
     collections::{BTreeMap, BTreeSet},
     rc::Rc,
@@ -53,14 +53,19 @@ impl<'w, 'd> Reach<'w, 'd> {
         Ok(unlit)
     }
 
-    /// The lights that reach nothing: they are not global and their groups hold neither shapes nor files.
-    pub(super) fn shining_on_nothing(&self) -> impl Iterator<Item = NodeRef<'d>> {
+    /// Says which lights reach nothing: they are not global, and their groups hold neither shapes nor files.
+    pub(super) fn say_what_shines_on_nothing(&self, findings: &mut Findings) {
+        if self.bound.is_empty() {
+            return;
+        }
         let world = self.world;
         let held = world.shapes.iter().chain(world.files.iter().map(|(placed, _)| placed)).map(|placed| placed.group);
         let held: BTreeSet<Group> = held.collect();
         let reached: BTreeSet<Group> = held.into_iter().flat_map(|group| world.around(group)).collect();
-        let lights = self.bound.iter().filter(move |(_, group)| !reached.contains(group));
-        lights.map(|(index, _)| world.lights[*index as usize].node)
+        for (index, _) in self.bound.iter().filter(|(_, group)| !reached.contains(group)) {
+            let what = "lights that are not `global` and whose group has no shapes shine on nothing; make them `global`";
+            findings.count(world.lights[*index as usize].node.at(), what);
+        }
     }
 
     /// Counts pairs that somebody is about to list.
