@@ -64,6 +64,7 @@ struct Converted {
 pub fn run(args: &ConvertArgs, json: bool) -> Result<(), CommandError> {
     let target = target(&args.output, args.lower_shadows)?;
     refuse_to_overwrite(args, target)?;
+    refuse_what_says_nothing(args, target)?;
     let scratch = submit::scratch()?;
     let scene = submit::collect(&args.input, &args.import, scratch.path())?;
     let converted = match target {
@@ -117,6 +118,16 @@ fn refuse_to_overwrite(args: &ConvertArgs, target: Target) -> Result<(), Command
         }
     }
     Ok(())
+}
+
+/// X3D is written as its author has it: options about what a bake makes of it would do nothing there.
+fn refuse_what_says_nothing(args: &ConvertArgs, target: Target) -> Result<(), CommandError> {
+    let given = args.import.of_the_scene();
+    if given.is_empty() || !matches!(target, Target::X3d(_)) {
+        return Ok(());
+    }
+    let message = "X3D is written with the lights, shadows and projectors that it has; leave these options to the bake";
+    Err(CommandError::usage(format!("{}: {message}", given.join(", "))))
 }
 
 fn gltf(args: &ConvertArgs, scene: &Collected, target: Target) -> Result<Converted, CommandError> {
@@ -185,6 +196,25 @@ fn report(converted: &Converted, json: bool) -> Result<(), CommandError> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn options_that_x3d_has_no_use_for_are_refused() {
+        #[derive(clap::Parser)]
+        struct Command {
+            #[command(flatten)]
+            args: ConvertArgs,
+        }
+        let refused = |words: &[&str], target| {
+            let args = <Command as clap::Parser>::parse_from(["convert", "a.wrl", "b"].iter().chain(words)).args;
+            refuse_what_says_nothing(&args, target).map_err(|e| (e.exit_code(), e.to_string()))
+        };
+        let x3d = Target::X3d(X3dEncoding::Xml);
+        assert_eq!(refused(&["--time", "2", "--lower-shadows"], x3d), Ok(()));
+        let given = ["--environment", "sky.hdr", "--x3d-shadows", "strict"];
+        let (code, message) = refused(&given, x3d).unwrap_err();
+        assert!(code == 2 && message.starts_with("--environment, --x3d-shadows: X3D is written"), "{message}");
+        assert_eq!(refused(&given, Target::Glb), Ok(()));
+    }
 
     #[test]
     fn the_ending_says_what_to_write() {

@@ -1,4 +1,4 @@
-//! Import options on the command line: the same fields as the query of the API's uploads, for `bake`, `submit` and `eval`.
+//! Import options on the command line: the same fields as the query of the API's uploads, for `bake`, `submit`, `eval` and `convert`.
 
 use crate::error::CommandError;
 use clap::Args;
@@ -43,6 +43,18 @@ impl ImportArgs {
     /// The folder whose files a scene may use, where that is not its own.
     pub fn root(&self) -> Option<&Path> {
         self.root.as_deref()
+    }
+
+    /// The options given that say what a scene is to look like, and so nothing to a file that is written as its author has it.
+    pub fn of_the_scene(&self) -> Vec<&'static str> {
+        let given = [
+            ("--environment", self.environment.is_some()),
+            ("--light-units", self.light_units.is_some()),
+            ("--x3d-shadows", self.x3d_shadows.is_some()),
+            ("--x3d-projectors", self.x3d_projectors.is_some()),
+            ("--x3d-outside-map", self.x3d_outside_map.is_some()),
+        ];
+        given.into_iter().filter(|(_, given)| *given).map(|(flag, _)| flag).collect()
     }
 
     /// Puts the environment into the bundle of a scene and returns the options of its import.

@@ -16,11 +16,12 @@ mod images;
 pub mod mesh;
 mod name;
 pub mod obj;
+mod slerp;
 mod statistics;
 mod surfaces;
 mod texture;
 mod two_sided;
-mod uri;
+pub(crate) mod uri;
 mod weld;
 mod x3d;
 

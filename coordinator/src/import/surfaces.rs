@@ -30,6 +30,16 @@ pub(super) struct Look<'n> {
     pub(super) shadow_maps: Vec<(u32, ShadowMap)>,
 }
 
+/// The mean of vertex colours, for materials that cannot take them vertex by vertex; `None` where there are none.
+pub(super) fn mean_colour(colours: impl Iterator<Item = [f32; 4]>) -> Option<[f32; 3]> {
+    let mut count = 0u32;
+    let sum = colours.fold(DVec3::ZERO, |sum, [r, g, b, _]| {
+        count += 1;
+        sum + Vec3::new(r, g, b).as_dvec3()
+    });
+    (count > 0).then(|| (sum / f64::from(count)).as_vec3().to_array())
+}
+
 /// The surfaces of a scene so far.
 #[derive(Default)]
 pub(super) struct Surfaces {

@@ -5,12 +5,15 @@ use base64::{
     alphabet::STANDARD,
     engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig},
 };
-use percent_encoding::percent_decode_str;
+use percent_encoding::{AsciiSet, NON_ALPHANUMERIC, percent_decode_str, utf8_percent_encode};
 use std::borrow::Cow;
 
 /// Data URIs with and without padding are in use.
 const BASE64: GeneralPurpose =
     GeneralPurpose::new(&STANDARD, GeneralPurposeConfig::new().with_decode_padding_mode(DecodePaddingMode::Indifferent));
+
+/// What stays as it is in a relative path: the unreserved characters of RFC 3986, and the slashes between folders.
+const ESCAPED: &AsciiSet = &NON_ALPHANUMERIC.remove(b'-').remove(b'.').remove(b'_').remove(b'~').remove(b'/');
 
 /// The path that a URI means, where it is not the data themselves and not elsewhere. Exporters that forget to encode write `100%.png`: what
 /// is no escape stays as it is.
@@ -22,6 +25,11 @@ pub(super) fn path(uri: &str) -> Option<String> {
 /// A URI without its escapes; what is no escape stays as it is.
 pub(super) fn decoded(uri: &str) -> String {
     percent_decode_str(uri).decode_utf8_lossy().into_owned()
+}
+
+/// A relative path as a URI says it.
+pub(crate) fn encoded(path: &str) -> String {
+    utf8_percent_encode(path, ESCAPED).to_string()
 }
 
 /// Whether a URI holds data itself.
@@ -52,6 +60,13 @@ pub(super) fn data(uri: &str) -> Result<Vec<u8>, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn paths_are_escaped_and_read_again() {
+        for (path, uri) in [("../t/my wall#1.png", "../t/my%20wall%231.png"), ("100%.png", "100%25.png"), ("a-b_c~1.x3d", "a-b_c~1.x3d")] {
+            assert_eq!((encoded(path).as_str(), decoded(uri).as_str()), (uri, path));
+        }
+    }
 
     #[test]
     fn data_uris_are_decoded_or_refused_with_words() {

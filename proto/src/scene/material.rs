@@ -289,18 +289,4 @@ impl Material {
     pub fn lets_through(&self) -> bool {
         self.opacity.mode != AlphaMode::Opaque
     }
-
-    /// Every texture it uses.
-    pub fn textures(&self) -> impl Iterator<Item = &TextureRef> {
-        let (layers, single): (&[TextureLayer], [Option<&TextureRef>; 4]) = match &self.reflection {
-            Reflection::None => (&[], [None; 4]),
-            Reflection::Phong(p) => (&p.layers, [p.specular_texture.as_ref(), None, None, None]),
-            Reflection::MetallicRoughness(m) => {
-                let single = [&m.metallic_roughness_texture, &m.specular_texture, &m.specular_color_texture, &m.transmission_texture];
-                (&m.layers, single.map(Option::as_ref))
-            }
-        };
-        let own = [self.emission_texture.as_ref(), self.opacity.texture.as_ref(), self.normal_map.as_ref().map(|n| &n.texture)];
-        layers.iter().map(|l| &l.texture).chain(single.into_iter().flatten()).chain(own.into_iter().flatten())
-    }
 }

@@ -13,6 +13,7 @@ mod light;
 mod material;
 mod sample;
 mod texture;
+mod uses;
 mod validate;
 mod veil;
 

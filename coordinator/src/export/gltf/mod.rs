@@ -19,17 +19,13 @@ mod notes;
 mod tests;
 mod texture;
 
-use crate::records::Problem;
+use crate::{import::uri, records::Problem};
 use buffer::Buffers;
 use kiln_proto::scene::Scene;
 use material::Materials;
 use notes::Notes;
-use percent_encoding::{AsciiSet, NON_ALPHANUMERIC, utf8_percent_encode};
 use serde_json::{Map, Value, json};
 use std::collections::BTreeSet;
-
-/// What of a file's name is coded in a URI: all but the unreserved characters (RFC 3986, 2.3).
-const IN_URI: &AsciiSet = &NON_ALPHANUMERIC.remove(b'-').remove(b'.').remove(b'_').remove(b'~');
 
 /// Bytes of the header of a binary glTF and of the headers of its two chunks.
 const GLB_HEADERS: u64 = 12 + 8 + 8;
@@ -145,8 +141,7 @@ impl Exported {
     /// # Errors
     /// None that a scene can cause.
     pub fn gltf(mut self, binary_name: &str) -> Result<(Vec<u8>, Vec<u8>), ExportError> {
-        let uri = utf8_percent_encode(binary_name, IN_URI).to_string();
-        self.root.insert("buffers".into(), json!([{"byteLength": self.binary.len(), "uri": uri}]));
+        self.root.insert("buffers".into(), json!([{"byteLength": self.binary.len(), "uri": uri::encoded(binary_name)}]));
         let mut text = serde_json::to_vec_pretty(&self.root)?;
         text.push(b'\n');
         Ok((text, self.binary))

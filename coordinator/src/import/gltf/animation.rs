@@ -10,8 +10,8 @@ use super::{
     node::{Graph, Local, unit},
     report::Report,
 };
+use crate::import::slerp;
 use glam::{DQuat, DVec3};
-use kiln_proto::math;
 use std::collections::BTreeSet;
 
 /// Weights of morph targets that are computed in any file, and the bytes of the buffers that each further one takes: those of an honest
@@ -199,41 +199,8 @@ impl Sampler<'_, '_> {
         match self.interpolation {
             Interpolation::Step if at.share < 1.0 => a,
             Interpolation::Step => b,
-            _ if is_rotation => slerp(DQuat::from_array(a), DQuat::from_array(b), at.share).to_array(),
+            _ if is_rotation => slerp::shortest(unit(DQuat::from_array(a)).to_array(), unit(DQuat::from_array(b)).to_array(), at.share),
             _ => std::array::from_fn(|c| a[c] + (b[c] - a[c]) * at.share),
         }
-    }
-}
-
-/// Along the shorter great arc (glTF 2.0, appendix C.4), with functions that are the same on every machine.
-fn slerp(a: DQuat, b: DQuat, share: f64) -> DQuat {
-    let (a, b) = (unit(a), unit(b));
-    let cosine = a.dot(b);
-    let b = if cosine < 0.0 { -b } else { b };
-    let cosine = cosine.abs().min(1.0);
-    if cosine > 0.999_9 {
-        return a * (1.0 - share) + b * share;
-    }
-    let angle = math::acos(cosine);
-    let sine = |v: f64| math::sin_cos_degrees(v.to_degrees()).0;
-    let whole = sine(angle);
-    a * (sine((1.0 - share) * angle) / whole) + b * (sine(share * angle) / whole)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn slerp_turns_evenly_by_the_shorter_way() {
-        let turn = |degrees: f64| {
-            let (s, c) = math::sin_cos_degrees(degrees / 2.0);
-            DQuat::from_xyzw(0.0, s, 0.0, c)
-        };
-        for (from, to, share, expected) in [(0.0, 90.0, 1.0 / 3.0, 30.0), (10.0, 10.5, 0.5, 10.25), (-20.0, 340.5, 0.5, -19.75)] {
-            let found = unit(slerp(turn(from), turn(to), share));
-            assert!(found.dot(turn(expected)).abs() > 1.0 - 1e-9, "{from} to {to}");
-        }
-        assert!(slerp(turn(0.0), -turn(90.0), 0.5).dot(turn(45.0)).abs() > 1.0 - 1e-9);
     }
 }

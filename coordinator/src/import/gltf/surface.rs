@@ -74,7 +74,8 @@ impl Surfaces {
             let copy = copies.matrix(copy, source.accessors);
             for primitive in &mesh.primitives {
                 let placed = place(node, *node.world * copy, mesh, primitive, source, report)?;
-                let chosen = materials.choose(primitive.material, mean(&placed.colors), placed.moved.stretch, report);
+                let tint = surfaces::mean_colour(placed.colors.iter().copied());
+                let chosen = materials.choose(primitive.material, tint, placed.moved.stretch, report);
                 let wanted = match mesh.primitives.len() {
                     1 => name.clone(),
                     _ => format!("{name}.{}", materials.name(primitive.material)),
@@ -232,12 +233,6 @@ fn colors(primitive: &Primitive<'_, '_>, accessors: &Accessors<'_, '_>, report: 
     let colors: Vec<[f32; 4]> = read.collect();
     report.count_many(primitive.json, "vertex colours outside [0, 1] were clamped", clamped);
     if colors.iter().all(|c| *c == [1.0; 4]) { vec![] } else { colors }
-}
-
-/// The mean colour; `None` where there are none.
-fn mean(colors: &[[f32; 4]]) -> Option<[f32; 3]> {
-    let sum = colors.iter().fold(DVec3::ZERO, |sum, [r, g, b, _]| sum + DVec3::new(f64::from(*r), f64::from(*g), f64::from(*b)));
-    (!colors.is_empty()).then(|| (sum / colors.len() as f64).as_vec3().to_array())
 }
 
 fn say_what_is_missing(placed: &Placed<'_, '_, '_>, chosen: &Chosen, report: &mut Report<'_>) {

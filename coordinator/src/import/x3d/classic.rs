@@ -50,9 +50,17 @@ impl<'a> Reader<'a> {
     fn statement(&mut self, items: &mut Vec<Item>, depth: u16) -> Result<(), SyntaxError> {
         let place = self.lexer.place();
         match self.lexer.peek_text() {
-            "PROFILE" | "COMPONENT" => {
+            "PROFILE" => {
                 self.lexer.take()?;
                 self.name("a name")?;
+            }
+            "COMPONENT" => {
+                self.lexer.take()?;
+                self.name("a name")?;
+                // `Shape:4` is one word; X_ITE writes `Shape : 4`.
+                while self.lexer.peek_text().starts_with(':') || self.lexer.peek().kind == Kind::Number {
+                    self.lexer.take()?;
+                }
             }
             "META" => {
                 self.lexer.take()?;

@@ -78,9 +78,19 @@ pub(super) fn words(text: &str, form: Form) -> impl Iterator<Item = (usize, &str
     let mut at = 0;
     std::iter::from_fn(move || {
         let start = skip_blanks(text, at, form)?;
-        at = text[start..].find(ends).map_or(text.len(), |e| start + e);
+        let end_from = |from: usize| text[from..].find(ends).map_or(text.len(), |e| from + e);
+        at = end_from(start);
+        if is_no_number(&text[start..at], &text[at..]) {
+            at = end_from(at + 1);
+        }
         Some((start, &text[start..at]))
     })
+}
+
+/// Whether a word goes on behind a `#` that begins no comment: `1.#QNAN` is how the C library of Windows writes what is no number, and so do
+/// the exporters that use it.
+pub(super) fn is_no_number(word: &str, rest: &str) -> bool {
+    word.ends_with('.') && ["#QNAN", "#SNAN", "#IND", "#INF"].iter().any(|kind| rest.starts_with(kind))
 }
 
 /// The beginning of a word, for messages.
@@ -171,7 +181,9 @@ fn pixel(word: &str) -> Result<i32, &'static str> {
 fn images(ty: FieldType, text: &str, form: Form) -> Result<Parsed, Fault> {
     let mut values = Vec::with_capacity(words(text, form).count());
     for (number, (at, word)) in words(text, form).enumerate() {
-        values.push(pixel(word).or_else(|why| fault(at, format!("`{}`, which is {why} (value {})", shown(word), number + 1)))?);
+        // JSON has no hexadecimal numbers, which are put into quotes there.
+        let bare = if form == Form::Json { word.trim_matches('"') } else { word };
+        values.push(pixel(bare).or_else(|why| fault(at, format!("`{}`, which is {why} (value {})", shown(word), number + 1)))?);
     }
     let mut end = 0;
     while end < values.len() && (ty.many || end == 0) {

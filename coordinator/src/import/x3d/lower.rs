@@ -4,7 +4,8 @@
 //! A light that an appearance receives shadows from becomes a GeneratedShadowMap behind the author's textures, in a MultiTexture with the mode
 //! MODULATE, and a ProjectedTextureCoordinate behind the author's coordinates of every geometry that the appearance is used with. Both name
 //! the light by USE, and all receivers of a light share them. The map has the parameters of the light's `defaultShadowMap`; without one it is
-//! made for every frame with the defaults. The fields of lights stay as they are.
+//! made for every frame with the defaults. The fields of lights stay as they are. A point light looks nowhere in particular and cannot be a
+//! projector (4.5): its shortcut stays.
 //!
 //! Nodes are changed where they stand if nobody else uses them, and copied otherwise: a geometry that is used with two appearances may need
 //! coordinates for one number of textures here and another there.

@@ -28,7 +28,7 @@ mod value;
 mod write;
 mod xml;
 
-use super::{Bundle, BundlePath, findings::Findings};
+use super::{Bundle, BundlePath, bundle::Found, findings::Findings, uri};
 use kiln_proto::{options::ImportOptions, scene::Scene};
 
 pub(super) use document::{Document, Inlined, NodeId};
@@ -53,6 +53,12 @@ pub(super) fn read(bundle: &Bundle, main: &BundlePath, bytes: &[u8], time: Optio
 pub(super) fn import(bundle: &Bundle, main: &BundlePath, bytes: &[u8], options: &ImportOptions, findings: &mut Findings) -> Option<Scene> {
     let document = read(bundle, main, bytes, options.time, findings)?;
     scene::build(bundle, &document, options, findings)
+}
+
+/// The file of the bundle that an address means as written in the file `from`: percent-encoded, as addresses are, or not, as some exporters
+/// have them.
+fn find<'b>(bundle: &'b Bundle, from: &BundlePath, address: &str) -> Option<Found<'b>> {
+    bundle.find(from, &uri::decoded(address)).or_else(|| bundle.find(from, address))
 }
 
 /// The version in a text such as `3.3`, times ten; 0 where there is none.

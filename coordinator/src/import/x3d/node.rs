@@ -33,6 +33,11 @@ impl<'a> NodeRef<'a> {
         self.raw().def.as_deref()
     }
 
+    /// Where the value of a field stands; where the node begins if the field is not set.
+    pub(crate) fn place_of(self, name: &str) -> Place {
+        self.set(name).map_or(self.raw().place, |s| s.place)
+    }
+
     /// Where it begins.
     pub(crate) fn place(self) -> Place {
         self.raw().place
@@ -45,12 +50,12 @@ impl<'a> NodeRef<'a> {
 
     /// Where the value of a field stands; where the node begins if the field is not set.
     pub(crate) fn at_field(self, name: &str) -> At<'a> {
-        self.document.at(self.set(name).map_or(self.raw().place, |s| s.place))
+        self.document.at(self.place_of(name))
     }
 
     /// The file in which the value of a field stands, from which its relative addresses count.
     pub(crate) fn file_of(self, name: &str) -> &'a BundlePath {
-        self.document.file(self.set(name).map_or(self.raw().place, |s| s.place))
+        self.document.file(self.place_of(name))
     }
 
     /// Whether the file (or an event) gives the field a value.

@@ -15,6 +15,7 @@ mod skip;
 mod tally;
 #[cfg(test)]
 mod tests;
+mod value;
 
 use super::{
     document::{Document, Node, NodeId, Place, Set},
@@ -48,6 +49,8 @@ struct Resolver<'a> {
     tally: Tally,
     /// Files by path; `None` for those that cannot be read, which is said once.
     files: BTreeMap<BundlePath, Option<Rc<File>>>,
+    /// Whether files that are inlined are X3D; `None` for those that cannot be read.
+    kinds: BTreeMap<BundlePath, Option<bool>>,
     /// What a file inlined without a DEF came to, by its path and scale: the same nodes for every such Inline.
     inlined: BTreeMap<(BundlePath, u64), Vec<NodeId>>,
     /// The files being inlined, outermost first.
@@ -77,6 +80,7 @@ impl<'a> Resolver<'a> {
             document: Document::default(),
             tally: Tally::default(),
             files: BTreeMap::new(),
+            kinds: BTreeMap::new(),
             inlined: BTreeMap::new(),
             inlining: vec![],
             libraries: BTreeMap::new(),

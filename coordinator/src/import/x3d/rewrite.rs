@@ -12,6 +12,7 @@ use crate::{
         Bundle, BundlePath,
         bundle::Found,
         findings::{At, Findings},
+        uri,
     },
     records::Problem,
 };
@@ -133,15 +134,38 @@ fn addresses(bundle: &Bundle, document: &mut Document, index: usize, main: &Bund
             continue;
         }
         let from = document.files.get(set.place.file as usize).unwrap_or(main);
-        let anew = list.iter().map(|url| {
-            let Some(Found::Exact(path) | Found::Near(path)) = bundle.find(from, url) else { return Arc::clone(url) };
-            let relative = relative(main, path);
-            files.push(relative.clone());
-            if set.place.file == 0 { Arc::clone(url) } else { Arc::from(relative) }
-        });
-        set.value = Value::Strings(anew.collect());
+        let mut anew: Vec<Arc<str>> = vec![];
+        for url in list.iter() {
+            let address = match meant(bundle, from, url.trim()) {
+                None => Arc::clone(url),
+                Some((path, fragment)) => {
+                    let relative = relative(main, path);
+                    let address = format!("{}{fragment}", uri::encoded(&relative));
+                    files.push(relative);
+                    if set.place.file == 0 { Arc::clone(url) } else { Arc::from(address) }
+                }
+            };
+            // Archives list a file beside its copies on the web, which are the same here.
+            if !anew.contains(&address) {
+                anew.push(address);
+            }
+        }
+        set.value = Value::Strings(anew.into());
     }
     files
+}
+
+/// The file of the bundle that an address means, found as an import finds it, and what follows from its `#`.
+fn meant<'b, 'u>(bundle: &'b Bundle, from: &BundlePath, url: &'u str) -> Option<(&'b BundlePath, &'u str)> {
+    if uri::is_data(url) {
+        return None;
+    }
+    let path = |address| super::find(bundle, from, address).map(|(Found::Exact(path) | Found::Near(path))| path);
+    let whole = path(url).map(|path| (path, ""));
+    whole.or_else(|| {
+        let at = url.find('#').filter(|at| *at > 0)?;
+        Some((path(&url[..at])?, &url[at..]))
+    })
 }
 
 /// The address of a file of the bundle as written in another.

@@ -15,6 +15,7 @@
 mod appearance;
 mod core;
 mod geometry;
+mod humanoid;
 mod interpolation;
 mod lighting;
 mod navigation;
@@ -27,8 +28,16 @@ use super::{
 use std::{collections::BTreeMap, fmt, sync::OnceLock};
 
 /// The parts of the table.
-const PARTS: [&str; 7] =
-    [core::NODES, geometry::NODES, appearance::NODES, lighting::NODES, navigation::NODES, interpolation::NODES, skipped::NODES];
+const PARTS: [&str; 8] = [
+    core::NODES,
+    geometry::NODES,
+    appearance::NODES,
+    lighting::NODES,
+    navigation::NODES,
+    interpolation::NODES,
+    humanoid::NODES,
+    skipped::NODES,
+];
 
 /// Who may touch a field, and when.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -52,6 +61,16 @@ impl Access {
             "outputOnly" | "eventOut" | "[out]" => Some(Self::Output),
             "inputOutput" | "exposedField" | "[in,out]" => Some(Self::InputOutput),
             _ => None,
+        }
+    }
+
+    /// Its name in the standard.
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Self::Initialize => "initializeOnly",
+            Self::Input => "inputOnly",
+            Self::Output => "outputOnly",
+            Self::InputOutput => "inputOutput",
         }
     }
 
@@ -105,6 +124,12 @@ impl NodeType {
         Some((found as u16, &self.fields[found]))
     }
 
+    /// A field by its name in capitals or not, as pages of HTML write it.
+    pub(super) fn field_in_any_case(&self, name: &str) -> Option<(u16, &Field)> {
+        let found = self.fields.iter().position(|f| f.name.eq_ignore_ascii_case(name))?;
+        Some((found as u16, &self.fields[found]))
+    }
+
     /// A field by the name that a ROUTE uses for an event of it (`set_NAME`, `NAME_changed` or the name itself), and its index.
     pub(super) fn event(&self, name: &str) -> Option<(u16, &Field)> {
         let exposed = |n: Option<&str>| self.field(n?).filter(|(_, f)| f.access == Access::InputOutput);
@@ -121,6 +146,13 @@ fn table() -> &'static BTreeMap<&'static str, NodeType> {
 /// The node type of this name.
 pub(super) fn lookup(name: &str) -> Option<&'static NodeType> {
     table().get(name)
+}
+
+/// The node type of this name in capitals or not, as pages of HTML write it.
+pub(super) fn lookup_in_any_case(name: &str) -> Option<&'static NodeType> {
+    static FOLDED: OnceLock<BTreeMap<String, &'static NodeType>> = OnceLock::new();
+    let folded = FOLDED.get_or_init(|| table().values().map(|kind| (kind.name.to_ascii_lowercase(), kind)).collect());
+    folded.get(&name.to_ascii_lowercase()).copied()
 }
 
 /// All of them, by name.

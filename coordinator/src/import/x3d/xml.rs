@@ -72,6 +72,12 @@ fn is(node: Node<'_, '_>, name: &str) -> bool {
     node.is_element() && node.tag_name().name().eq_ignore_ascii_case(name)
 }
 
+/// An attribute, whose name pages of HTML may also write without capitals.
+fn attribute<'n>(node: Node<'n, '_>, name: &str) -> Option<&'n str> {
+    let any_case = || node.attributes().find(|a| a.name().eq_ignore_ascii_case(name)).map(|a| a.value());
+    node.attribute(name).or_else(any_case)
+}
+
 struct Reader<'a> {
     text: &'a str,
     locator: Locator<'a>,
@@ -89,7 +95,7 @@ impl Reader<'_> {
 
     /// An attribute that has to be there.
     fn required(&mut self, node: Node<'_, '_>, name: &str) -> Result<Box<str>, SyntaxError> {
-        match node.attribute(name) {
+        match attribute(node, name) {
             Some(value) => Ok(value.trim().into()),
             None => Err(self.error(node, format!("`{}` has no attribute `{name}`", shown(node.tag_name().name())))),
         }
@@ -111,7 +117,7 @@ impl Reader<'_> {
     fn item(&mut self, node: Node<'_, '_>, items: &mut Vec<Item>, depth: u16) -> Result<(), SyntaxError> {
         let place = self.place(node);
         match node.tag_name().name() {
-            "ROUTE" => {
+            "ROUTE" | "route" => {
                 let from = (self.required(node, "fromNode")?, self.required(node, "fromField")?);
                 let to = (self.required(node, "toNode")?, self.required(node, "toField")?);
                 items.push(Item::Route(RouteItem { place, from, to }));
@@ -143,7 +149,7 @@ impl Reader<'_> {
             return Err(self.error(node, format!("more than {MAX_NODES} nodes")));
         }
         let instance = node.tag_name().name() == "ProtoInstance";
-        let usage: Option<Box<str>> = node.attribute("USE").map(|n| n.trim().into());
+        let usage: Option<Box<str>> = attribute(node, "USE").map(|n| n.trim().into());
         let name = match (instance, &usage) {
             (false, _) => node.tag_name().name().into(),
             (true, None) => self.required(node, "name")?,
@@ -153,14 +159,14 @@ impl Reader<'_> {
         let mut body = vec![];
         for attribute in node.attributes().filter(|a| a.namespace().is_none()) {
             match attribute.name() {
-                "DEF" | "USE" | "containerField" => {}
+                known if ["DEF", "USE", "containerField"].iter().any(|k| known.eq_ignore_ascii_case(k)) => {}
                 "name" if instance => {}
                 styling if STYLING.contains(&styling) || usage.is_some() => {}
                 field => body.push(Item::Field(self.attribute(&attribute, field))),
             }
         }
         self.children(node, instance, &mut body, depth)?;
-        let of = |name: &str| node.attribute(name).map(|n| n.trim().into());
+        let of = |name: &str| attribute(node, name).map(|n| n.trim().into());
         Ok(NodeItem { place, name, def: of("DEF"), usage, container: of("containerField"), body })
     }
 

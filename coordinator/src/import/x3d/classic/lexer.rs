@@ -107,7 +107,11 @@ impl<'a> Lexer<'a> {
                 Some(first) => {
                     let kind = if first.is_ascii_digit() || matches!(first, b'+' | b'-' | b'.') { Kind::Number } else { Kind::Name };
                     let ends = |b: &u8| b.is_ascii_whitespace() || matches!(b, b',' | b'"' | b'#' | b'[' | b']' | b'{' | b'}');
-                    let end = bytes[at..].iter().position(ends).map_or(bytes.len(), |e| at + e);
+                    let end_from = |from: usize| bytes[from..].iter().position(ends).map_or(bytes.len(), |e| from + e);
+                    let mut end = end_from(at);
+                    if literal::is_no_number(&self.text[at..end], &self.text[end..]) {
+                        end = end_from(end + 1);
+                    }
                     return Ok(Token { kind, range: at..end });
                 }
             }

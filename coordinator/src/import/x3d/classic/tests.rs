@@ -27,6 +27,25 @@ fn names_are_what_exporters_make_of_them() {
     assert_eq!(document.routes.len(), 1);
 }
 
+/// X_ITE sets the colon of a COMPONENT apart.
+#[test]
+fn components_with_and_without_blanks() {
+    for component in ["COMPONENT Shape:4", "COMPONENT Shape : 4", "COMPONENT Shape :4", "COMPONENT Shape: 4"] {
+        let document = classic(&format!("PROFILE Interchange\n{component}\nMETA \"a\" \"b\"\nBox {{ }}")).clean();
+        assert_eq!(document.nodes().count(), 1, "{component}");
+    }
+}
+
+/// No comment begins there: what follows in the line would be lost without a word.
+#[test]
+fn what_windows_writes_for_no_number_is_told() {
+    for word in ["1.#QNAN", "-1.#IND", "1.#INF00"] {
+        classic(&format!("Coordinate {{ point [ 0 0 0,\n {word} 1 2 ] }}"))
+            .failed(&format!("a:3: column 2: the field `point` of `Coordinate` has `{word}`, which is no number (value 4 of 6)"));
+    }
+    assert_eq!(classic("Box { size 1. 2.#last but one\n3 }").clean().nodes().next().unwrap().vec3("size"), [1.0, 2.0, 3.0]);
+}
+
 #[test]
 fn booleans_in_any_case() {
     let document = classic("Cone { side false bottom False solid FALSE } Cone { side true }").clean();

@@ -2,10 +2,11 @@
 
 use super::{
     curve::{Position, Spline, ease, position},
-    rotation::{from_axis_angle, normalized, shortest, slerp, squad, to_axis_angle},
+    rotation::{from_axis_angle, squad, to_axis_angle},
 };
 use crate::import::{
     findings::Findings,
+    slerp::{normalized, shortest, slerp},
     x3d::{NodeRef, value::Value},
 };
 

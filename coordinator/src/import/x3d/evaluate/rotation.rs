@@ -1,5 +1,6 @@
 //! Rotations as quaternions (x, y, z, w), in f64 and without the C library.
 
+use crate::import::slerp::{dot, slerp};
 use kiln_proto::math;
 
 pub(super) type Quaternion = [f64; 4];
@@ -28,36 +29,8 @@ pub(super) fn to_axis_angle(q: Quaternion) -> [f32; 4] {
     [(q[0] / sin) as f32, (q[1] / sin) as f32, (q[2] / sin) as f32, angle as f32]
 }
 
-pub(super) fn dot<const N: usize>(a: &[f64; N], b: &[f64; N]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
-}
-
 fn sin_cos(radians: f64) -> (f64, f64) {
-    math::sin_cos_degrees(radians * (180.0 / std::f64::consts::PI))
-}
-
-/// From `a` to `b`, unit vectors of any dimension, along the great circle; of opposite ones the straight line, which has no direction to
-/// choose.
-pub(super) fn slerp<const N: usize>(a: [f64; N], b: [f64; N], t: f64) -> [f64; N] {
-    let cos = dot(&a, &b);
-    let mix = |u: f64, v: f64| std::array::from_fn(|i| u * a[i] + v * b[i]);
-    if cos.abs() > 1.0 - 1e-9 {
-        return normalized(mix(1.0 - t, t));
-    }
-    let angle = math::acos(cos);
-    let sin = sin_cos(angle).0;
-    mix(sin_cos((1.0 - t) * angle).0 / sin, sin_cos(t * angle).0 / sin)
-}
-
-/// Slerp the short way round: q and -q are the same rotation.
-pub(super) fn shortest(a: Quaternion, b: Quaternion, t: f64) -> Quaternion {
-    slerp(a, if dot(&a, &b) < 0.0 { b.map(|c| -c) } else { b }, t)
-}
-
-/// To length one; what has no length stays.
-pub(super) fn normalized<const N: usize>(v: [f64; N]) -> [f64; N] {
-    let length = dot(&v, &v).sqrt();
-    if length > 0.0 { v.map(|c| c / length) } else { v }
+    math::sin_cos_degrees(radians.to_degrees())
 }
 
 fn product(a: Quaternion, b: Quaternion) -> Quaternion {
@@ -116,15 +89,6 @@ mod tests {
         close(to_axis_angle(from_axis_angle([0.0, 2.0, 0.0, QUARTER])), [0.0, 1.0, 0.0, QUARTER]);
         close(to_axis_angle(from_axis_angle([0.0, 0.0, 0.0, 3.0])), [0.0, 0.0, 1.0, 0.0]);
         close(to_axis_angle(from_axis_angle([1.0, 0.0, 0.0, -1.0])), [-1.0, 0.0, 0.0, 1.0]);
-    }
-
-    #[test]
-    fn the_short_way_and_the_middle() {
-        let (a, b) = (from_axis_angle([0.0, 1.0, 0.0, 0.2]), from_axis_angle([0.0, 1.0, 0.0, 1.2]));
-        close(to_axis_angle(shortest(a, b, 0.25)), [0.0, 1.0, 0.0, 0.45]);
-        close(to_axis_angle(shortest(a, b.map(|c| -c), 0.25)), [0.0, 1.0, 0.0, 0.45]);
-        let half = slerp([1.0, 0.0, 0.0], [0.0, 1.0, 0.0], 0.5);
-        assert!((half[0] - 0.5f64.sqrt()).abs() < 1e-12 && (half[1] - 0.5f64.sqrt()).abs() < 1e-12);
     }
 
     /// On one axis and at even steps the spherical cubic is the line; elsewhere it meets its ends.

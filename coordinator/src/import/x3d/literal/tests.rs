@@ -128,4 +128,5 @@ fn json_takes_what_older_converters_write() {
     assert_eq!(clean("MFString", r#""\"a\" \"b\"""#, Form::Json), strings(&["a", "b"]));
     assert_eq!(clean("MFString", r#""a""#, Form::Json), strings(&["a"]));
     assert_eq!(clean("SFBool", "\"true\"", Form::Json), Value::Ints([1].into()));
+    assert_eq!(clean("SFImage", r#"[1,2,3,"0xFF00FF",255]"#, Form::Json), Value::Ints([1, 2, 3, 0xff_00ff, 255].into()));
 }

@@ -118,6 +118,33 @@ fn files_are_inlined_and_addresses_count_from_the_main_file() {
     assert!(out.warnings.iter().any(|w| w.message.starts_with("Inline nodes were replaced")), "{:?}", out.warnings);
 }
 
+/// An address is found as an import finds it, and written so that it is found again.
+#[test]
+fn addresses_with_escapes_are_found_and_escaped() {
+    let part = |name: &str, text: &str| Part { name: name.into(), content: Content::Bytes(text.as_bytes().to_vec()) };
+    let inner = r#"#X3D V3.3 utf8
+Shape { appearance Appearance { texture ImageTexture { url [ "my%20wall.png" "http://example.com/my%20wall.png" "data:image/png;base64,AA==" ] } } geometry Box { } }
+Anchor { url "more%20rooms.x3dv#Door" } Inline { url "a chair.glb" }"#;
+    let parts = vec![
+        part("main.x3dv", "#X3D V3.3 utf8\nInline { url \"sub/part.x3dv\" } Anchor { url \"sub/my%20wall.png\" }"),
+        part("sub/part.x3dv", inner),
+        part("sub/my wall.png", "no matter"),
+        part("sub/more rooms.x3dv", "#X3D V3.3 utf8\n"),
+        part("sub/a chair.glb", "glTF"),
+    ];
+    let bundle = Bundle::from_parts(parts, Some("main.x3dv"), &std::env::temp_dir()).unwrap();
+    let out = rewrite(&bundle, None, false, X3dEncoding::Classic).unwrap();
+    for address in [
+        r#"url ["sub/my%20wall.png" "data:image/png;base64,AA=="]"#,
+        r#"url ["sub/more%20rooms.x3dv#Door"]"#,
+        r#"url ["sub/a%20chair.glb"]"#,
+        r#"url ["sub/my%20wall.png"]"#,
+    ] {
+        assert!(out.text.contains(address), "{address} is not in {}", out.text);
+    }
+    assert_eq!(out.files, ["sub/a chair.glb", "sub/more rooms.x3dv", "sub/my wall.png"]);
+}
+
 #[test]
 fn what_would_be_too_deep_to_read_again_is_refused() {
     let deep = |groups: usize| {

@@ -5,9 +5,8 @@ use crate::import::{
     BundlePath,
     bundle::Found,
     findings::At,
-    uri,
     x3d::{
-        classic,
+        self, classic,
         document::{Inlined, Node, NodeId, Place, Set},
         encoding::{self, Encoding},
         json,
@@ -48,7 +47,7 @@ impl Resolver<'_> {
     }
 
     /// The same nodes below a `Transform` that scales them.
-    fn scaled(&mut self, ids: Vec<NodeId>, scale: f32, place: Place, above: u16) -> Option<NodeId> {
+    pub(super) fn scaled(&mut self, ids: Vec<NodeId>, scale: f32, place: Place, above: u16) -> Option<NodeId> {
         let kind = table::lookup("Transform")?;
         let id = self.push(Node { kind, place, def: None, fields: vec![], height: 1 })?;
         let ((scaling, _), (children, _)) = (kind.field("scale")?, kind.field("children")?);
@@ -164,11 +163,7 @@ impl Resolver<'_> {
             let message = format!("the Inline of {} was skipped: no such file is in the bundle", shown_addresses(&urls));
             return self.warn(place, message);
         };
-        let bundle = self.bundle;
-        let is_x3d = match bundle.read(&path, limits::TEXT_BYTES) {
-            Ok(bytes) => encoding::is_x3d(&bytes),
-            Err(problem) => return self.findings.push_error(problem),
-        };
+        let Some(is_x3d) = self.is_x3d(&path) else { return };
         if !is_x3d {
             self.document.inlines.insert(id, Inlined::File(path));
             return;
@@ -179,6 +174,23 @@ impl Resolver<'_> {
         let node = self.node_mut(id);
         node.height = node.height.max(height + 1);
         self.document.inlines.insert(id, Inlined::Nodes(roots));
+    }
+
+    /// Whether a file of the bundle is X3D, found out once for each file; `None` where it cannot be read, which is said once.
+    fn is_x3d(&mut self, path: &BundlePath) -> Option<bool> {
+        if let Some(known) = self.kinds.get(path) {
+            return *known;
+        }
+        let bundle = self.bundle;
+        let kind = match bundle.read(path, limits::TEXT_BYTES) {
+            Ok(bytes) => Some(encoding::is_x3d(&bytes)),
+            Err(problem) => {
+                self.findings.push_error(problem);
+                None
+            }
+        };
+        self.kinds.insert(path.clone(), kind);
+        kind
     }
 
     /// The nodes of an inlined file. Inline nodes without a name cannot be told apart, so they share the nodes of a file.
@@ -219,15 +231,15 @@ impl Resolver<'_> {
     /// The file of the bundle that an address means, as seen from the file of `place`.
     pub(super) fn find(&mut self, place: Place, address: &str, what: &str) -> Option<BundlePath> {
         let from = self.document.files[place.file as usize].clone();
-        let address = uri::decoded(address.trim());
+        let address = address.trim();
         if address.is_empty() || address.starts_with("urn:") {
             return None;
         }
-        match self.bundle.find(&from, &address)? {
+        match x3d::find(self.bundle, &from, address)? {
             Found::Exact(path) => Some(path.clone()),
             Found::Near(path) => {
                 let path = path.clone();
-                self.warn(place, format!("{what}, `{}`, is not in the bundle; `{path}` is used instead", shown(&address)));
+                self.warn(place, format!("{what}, `{}`, is not in the bundle; `{path}` is used instead", shown(address)));
                 Some(path)
             }
         }

@@ -35,6 +35,8 @@ pub(super) struct Argument {
     pub(super) ty: FieldType,
     pub(super) access: Access,
     pub(super) place: Place,
+    /// Radians per unit of angle where the value was written: plain numbers turn out to be angles only where they end.
+    pub(super) angle: f32,
     /// `None` for events, and where neither the prototype nor the instance says anything.
     pub(super) value: Option<Value>,
 }

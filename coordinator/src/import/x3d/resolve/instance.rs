@@ -7,8 +7,8 @@
 use super::{
     Resolver,
     frame::{Argument, Arguments, Connected, Connections, Frame, Target},
-    node::{in_radians, stands_for},
     proto::Prototype,
+    value::{in_radians, is_read_once, stands_for},
 };
 use crate::import::x3d::{
     document::{NodeId, Place},
@@ -43,6 +43,7 @@ impl Resolver<'_> {
         let (arguments, outer) = self.arguments(frame, item, prototype, above);
         let Prototype { item: declared, file, length, angle, scope, .. } = &self.prototypes[prototype];
         let (declared, length, angle, scope) = (Rc::clone(declared), *length, *angle, *scope);
+        let scale = (length / frame.length) as f32;
         let connected = |a: &Argument| Connected { ty: a.ty, access: a.access, fields: vec![] };
         let connections = arguments.iter().map(|(name, a)| (name.clone(), connected(a))).collect();
         let mut inner = Frame {
@@ -57,7 +58,8 @@ impl Resolver<'_> {
             exported: vec![],
         };
         self.instancing.push(prototype);
-        let root = self.body(&mut inner, &declared, above);
+        let root = self.body(&mut inner, &declared, above + u16::from(scale != 1.0));
+        let root = root.and_then(|root| self.in_other_units(root, scale, item.place, above));
         self.finish(&mut inner);
         self.instancing.pop();
         let connections = inner.connections;
@@ -68,6 +70,34 @@ impl Resolver<'_> {
             }
         }
         self.name_instance(frame, item, root, connections)
+    }
+
+    /// A node as seen from a file whose unit of length goes `scale` times into that of the node's. Files keep their units: a prototype of
+    /// another file is scaled like a file that is inlined, and so is, the other way, a node that is handed to it. (ISO/IEC 19775-1, 4.3.6
+    /// gives units to a world and says nothing of prototypes that are used in another.)
+    fn in_other_units(&mut self, id: NodeId, scale: f32, place: Place, above: u16) -> Option<NodeId> {
+        let kind = self.node_of(id).kind;
+        // A directional light has a group to shine on, and no length but those of its shadow map.
+        let is_placed = kind.field("children").is_some()
+            || matches!(
+                kind.name,
+                "Shape" | "PointLight" | "SpotLight" | "Viewpoint" | "OrthoViewpoint" | "Inline" | "KambiInline" | "CADFace"
+            );
+        match kind.container {
+            _ if scale == 1.0 => Some(id),
+            _ if is_placed => self.scaled(vec![id], scale, place, above),
+            "geometry" | "coord" => {
+                let what = "geometry without a shape crosses from a file to one with another unit of length, which was not converted";
+                self.tally.add(place, what.to_owned());
+                Some(id)
+            }
+            _ => Some(id),
+        }
+    }
+
+    /// Nodes in a field of an instance that has `above` nodes above it.
+    fn handed_over(&mut self, ids: &[NodeId], scale: f32, place: Place, above: u16) -> Value {
+        Value::Nodes(ids.iter().filter_map(|id| self.in_other_units(*id, scale, place, above + 1)).collect())
     }
 
     /// Walks the body of a prototype; its first node.
@@ -103,6 +133,7 @@ impl Resolver<'_> {
     /// The fields of an instance: the prototype's, with what the instance says. Also which of them are fields of the prototype around it.
     fn arguments(&mut self, frame: &mut Frame, item: &NodeItem, prototype: usize, above: u16) -> (Arguments, Vec<Outer>) {
         let mut arguments = self.prototypes[prototype].arguments.clone();
+        let scale = (frame.length / self.prototypes[prototype].length) as f32;
         let mut outer = vec![];
         let mut children: BTreeMap<Box<str>, Vec<NodeId>> = BTreeMap::new();
         for element in &item.body {
@@ -112,7 +143,7 @@ impl Resolver<'_> {
                         self.unknown_argument(item, &field.name, field.place);
                         continue;
                     };
-                    let (argument, of_outer) = self.argument(frame, item, field, argument.clone(), above);
+                    let (argument, of_outer) = self.argument(frame, item, field, argument.clone(), scale, above);
                     outer.extend(of_outer.map(|name| (field.name.clone(), name)));
                     arguments.insert(field.name.clone(), argument);
                 }
@@ -120,7 +151,8 @@ impl Resolver<'_> {
                     let Some(id) = self.node(frame, child, above + 1) else { continue };
                     let container: Box<str> = child.container.clone().unwrap_or_else(|| self.node_of(id).kind.container.into());
                     if arguments.get(&container).is_some_and(|a| a.ty.base == Base::Node) {
-                        children.entry(container).or_default().push(id);
+                        let id = self.in_other_units(id, scale, child.place, above + 1);
+                        children.entry(container).or_default().extend(id);
                     } else if &*container != "metadata" {
                         self.unknown_argument(item, &container, child.place);
                     }
@@ -147,6 +179,7 @@ impl Resolver<'_> {
         item: &NodeItem,
         field: &FieldItem,
         argument: Argument,
+        scale: f32,
         above: u16,
     ) -> (Argument, Option<Box<str>>) {
         let what = format!("the field `{}` of the prototype `{}`", shown(&field.name), shown(&item.name));
@@ -157,8 +190,14 @@ impl Resolver<'_> {
                     self.warn(field.place, format!("{what} is IS `{}`, which is no field of its type around it", shown(name)));
                     return (argument, None);
                 }
-                let value = around.and_then(|a| a.value.clone()).or_else(|| argument.value.clone());
-                return (Argument { value, place: field.place, ..argument }, Some(name.clone()));
+                // The value stands where it was written, from which addresses in it count, and not where it is handed on.
+                let given = around.filter(|a| a.value.is_some()).cloned();
+                let Argument { value, place, angle, .. } = given.unwrap_or_else(|| argument.clone());
+                let value = match value {
+                    Some(Value::Nodes(ids)) => Some(self.handed_over(&ids, scale, place, above)),
+                    other => other,
+                };
+                return (Argument { value, place, angle, ..argument }, Some(name.clone()));
             }
             _ if !argument.access.has_value() => {
                 self.warn(field.place, format!("{what} is an event and has no value; the value was skipped"));
@@ -170,25 +209,39 @@ impl Resolver<'_> {
                     self.warn(field.place, format!("{what} holds one node and was given {}; the last counts", ids.len()));
                     ids.drain(..ids.len() - 1);
                 }
-                Some(Value::Nodes(ids.into()))
+                Some(self.handed_over(&ids, scale, field.place, above))
             }
             _ => self.simple(frame, field, argument.ty, false, &what),
         };
-        let value = value.or(argument.value);
-        (Argument { value, place: field.place, ..argument }, None)
+        match value {
+            Some(value) => (Argument { value: Some(value), place: field.place, angle: frame.angle, ..argument }, None),
+            None => (argument, None),
+        }
     }
 
     /// `field IS name`: the value of the instance, if there is one, and a way for its events.
     pub(super) fn connect(&mut self, frame: &mut Frame, id: NodeId, (index, field): (u16, &Field), name: &str, place: Place, above: u16) {
+        // Said once for all instances.
         let Some(argument) = frame.arguments.as_ref().map(|a| a.get(name)) else {
-            return self.warn(place, format!("IS `{}` stands in no prototype; it was skipped", shown(name)));
+            return self.tally.add(place, format!("IS `{}` stands in no prototype; it was skipped", shown(name)));
         };
         let Some(argument) = argument else {
-            return self.warn(place, format!("IS `{}`: the prototype has no such field; it was skipped", shown(name)));
+            return self.tally.add(place, format!("IS `{}`: the prototype has no such field; it was skipped", shown(name)));
         };
-        if argument.ty != field.ty || !stands_for(field.access, argument.access) {
-            let message = format!("IS `{}` is {} and the field `{}` is {}; it was skipped", shown(name), argument.ty, field.name, field.ty);
-            return self.warn(place, message);
+        if argument.ty != field.ty || !(stands_for(field.access, argument.access) || is_read_once(field.access, argument.access)) {
+            let (outer, inner) = (argument.access.name(), field.access.name());
+            let message = format!(
+                "IS `{}` is {outer} {} and the field `{}` is {inner} {}; it was skipped",
+                shown(name),
+                argument.ty,
+                field.name,
+                field.ty
+            );
+            return self.tally.add(place, message);
+        }
+        if is_read_once(field.access, argument.access) {
+            let message = format!("IS `{}` takes events, which the field `{}` does not; its value was taken", shown(name), field.name);
+            self.tally.add(place, message);
         }
         if let Some(value) = &argument.value
             && field.access.has_value()
@@ -197,11 +250,13 @@ impl Resolver<'_> {
             let value = if argument.ty.base == Base::Rotation {
                 value.clone()
             } else {
-                in_radians(value.clone(), field.ty, field.angle, frame.angle)
+                in_radians(value.clone(), field.ty, field.angle, argument.angle)
             };
             self.set(id, index, argument.place, value, above);
         }
-        if let Some(connected) = frame.connections.get_mut(name) {
+        if let Some(connected) = frame.connections.get_mut(name)
+            && stands_for(field.access, argument.access)
+        {
             connected.fields.push((id, index));
         }
     }

@@ -7,10 +7,10 @@ use super::{
 use crate::import::x3d::{
     document::{Node, NodeId, Place},
     limits::{MAX_DEPTH, MAX_RECURSION},
-    literal::{self, shown},
-    syntax::{FieldItem, Item, NodeItem, Span, Written},
-    table::{self, Access, Field, NodeType},
-    value::{Base, FieldType, Store, Value},
+    literal::{Form, shown},
+    syntax::{FieldItem, Item, NodeItem, Written},
+    table::{self, Field, NodeType},
+    value::{Base, Value},
 };
 use std::sync::Arc;
 
@@ -46,15 +46,23 @@ impl Resolver<'_> {
         if !self.step(item.place) {
             return None;
         }
-        // Defaults of prototypes hang nowhere yet and are counted from 0 again; the stack is not.
-        if above >= MAX_DEPTH || self.depth >= MAX_RECURSION {
-            self.error(item.place, format!("more than {MAX_DEPTH} nodes inside one another, with what is instantiated here"));
+        if !self.descend(item.place, above) {
             return None;
         }
-        self.depth += 1;
         let id = self.any_node(frame, item, above);
         self.depth -= 1;
         id
+    }
+
+    /// Counts a node inside others, which the caller counts back; false where there are too many.
+    pub(super) fn descend(&mut self, place: Place, above: u16) -> bool {
+        // Defaults of prototypes hang nowhere yet and are counted from 0 again; the stack is not.
+        if above >= MAX_DEPTH || self.depth >= MAX_RECURSION {
+            self.error(place, format!("more than {MAX_DEPTH} nodes inside one another, with what is instantiated here"));
+            return false;
+        }
+        self.depth += 1;
+        true
     }
 
     fn any_node(&mut self, frame: &mut Frame, item: &NodeItem, above: u16) -> Option<NodeId> {
@@ -68,7 +76,7 @@ impl Resolver<'_> {
         {
             return self.instance(frame, item, prototype, above);
         }
-        match built_in {
+        match built_in.or_else(|| self.in_capitals(frame, item)) {
             Some(kind) if !kind.skipped => self.built_in(frame, item, kind, above),
             Some(kind) => {
                 self.tally.add(item.place, format!("the node `{}` is not supported and was skipped", kind.name));
@@ -80,6 +88,13 @@ impl Resolver<'_> {
                 None
             }
         }
+    }
+
+    /// The type that a page of HTML means, which may be written without capitals there.
+    fn in_capitals(&mut self, frame: &Frame, item: &NodeItem) -> Option<&'static NodeType> {
+        let kind = table::lookup_in_any_case(&item.name).filter(|_| frame.file.source.form == Form::Xml)?;
+        self.tally.add(item.place, "nodes written in other capitals than X3D's, as pages of HTML have them, were read as X3D's".to_owned());
+        Some(kind)
     }
 
     /// `USE name`.
@@ -156,6 +171,7 @@ impl Resolver<'_> {
         let kind = self.node_of(id).kind;
         // `set_intensity IS power` is said of the event alone.
         let found = if matches!(item.written, Written::Is(_)) { kind.event(&item.name) } else { kind.field(&item.name) };
+        let found = found.or_else(|| kind.field_in_any_case(&item.name).filter(|_| frame.file.source.form == Form::Xml));
         let Some((index, field)) = found else {
             self.tally.add(item.place, format!("the field `{}` of `{}` is unknown and was skipped", shown(&item.name), kind.name));
             if let Written::Nodes(items) = &item.written {
@@ -183,45 +199,6 @@ impl Resolver<'_> {
                 if let Some(value) = self.simple(frame, item, field.ty, field.angle, &what) {
                     self.set(id, index, item.place, value, above);
                 }
-            }
-        }
-    }
-
-    /// A value that is no node, of a type that the table or a prototype tells; it is read once.
-    pub(super) fn simple(&mut self, frame: &Frame, item: &FieldItem, ty: FieldType, angle: bool, what: &str) -> Option<Value> {
-        if let Some(value) = item.read.get() {
-            return value.clone();
-        }
-        let value = match &item.written {
-            Written::Text(span) => self.literal(frame, item, span, ty, angle, what),
-            // NULL, which is no value of any other type.
-            Written::Nodes(nodes) if nodes.is_empty() => {
-                self.warn(item.place, format!("{what} is {ty} and cannot be NULL; it was skipped"));
-                None
-            }
-            _ => {
-                self.error(item.place, format!("{what} is {ty} and cannot be a node"));
-                None
-            }
-        };
-        item.read.get_or_init(|| value).clone()
-    }
-
-    fn literal(&mut self, frame: &Frame, item: &FieldItem, span: &Span, ty: FieldType, angle: bool, what: &str) -> Option<Value> {
-        let source = &frame.file.source;
-        let text = span.of(source);
-        // Pieces put together have no line but that of the whole.
-        let place = |at: usize| if matches!(span, Span::Range(_)) { item.place.behind(&text[..at.min(text.len())]) } else { item.place };
-        match literal::parse(ty, text, source.form) {
-            Ok((value, remark)) => {
-                if let Some(remark) = remark {
-                    self.warn(place(remark.at), format!("{what} has {}", remark.message));
-                }
-                Some(in_radians(value, ty, angle, frame.angle))
-            }
-            Err(fault) => {
-                self.error(place(fault.at), format!("{what} has {}", fault.message));
-                None
             }
         }
     }
@@ -264,23 +241,4 @@ impl Resolver<'_> {
             }
         }
     }
-}
-
-/// Converts what are angles in a value from a file's unit.
-pub(super) fn in_radians(value: Value, ty: FieldType, angle: bool, factor: f32) -> Value {
-    let stride = if ty.base == Base::Rotation { 4 } else { 1 };
-    if factor == 1.0 || !(angle || ty.base == Base::Rotation) || ty.store() != Store::Floats {
-        return value;
-    }
-    match value {
-        Value::Floats(numbers) => {
-            Value::Floats(numbers.iter().enumerate().map(|(i, x)| if i % stride == stride - 1 { x * factor } else { *x }).collect())
-        }
-        other => other,
-    }
-}
-
-/// Whether a field can be one that a field of a prototype stands for.
-pub(super) fn stands_for(inner: Access, outer: Access) -> bool {
-    inner == outer || inner == Access::InputOutput
 }

@@ -80,7 +80,8 @@ impl Resolver<'_> {
                     _ => self.simple(frame, value, field.ty, false, &what),
                 }
             });
-            arguments.insert(field.name.clone(), Argument { ty: field.ty, access: field.access, place: field.place, value });
+            let (ty, access, place, angle) = (field.ty, field.access, field.place, frame.angle);
+            arguments.insert(field.name.clone(), Argument { ty, access, place, angle, value });
         }
         let index = self.prototypes.len();
         let scope = &mut self.scopes[frame.scope];

@@ -34,6 +34,13 @@ impl Resolver<'_> {
 
     /// A node inside one that is passed by: what nobody knows is named all the same, what is only not supported goes without saying.
     fn skip_inner(&mut self, frame: &mut Frame, node: &NodeItem, above: u16) {
+        if self.descend(node.place, above) {
+            self.skip_one(frame, node, above);
+            self.depth -= 1;
+        }
+    }
+
+    fn skip_one(&mut self, frame: &mut Frame, node: &NodeItem, above: u16) {
         let known = table::lookup(&node.name);
         let prototype = self.prototype(frame.scope, &node.name).filter(|_| known.is_none());
         match known {

@@ -6,7 +6,9 @@ use super::{
     form::{Formed, form},
     inlined,
     material::{self, Sides},
-    shadow::{Lights, is_light},
+    projectors::{Maker, Projectors},
+    reach::{Reach, TooManyPairs},
+    shadow::Lights,
     space,
     texture::Textures,
     view,
@@ -16,14 +18,14 @@ use crate::import::{
     Bundle, NO_LIGHT,
     findings::{At, Findings},
     surfaces::{Look, Surfaces},
-    x3d::{Document, NodeId, NodeRef},
+    x3d::{Document, NodeId},
 };
 use kiln_proto::{
     limits,
-    options::{ImportOptions, OutsideMap, ShadowMode},
-    scene::{Camera, Projector, Scene, ShadowRules},
+    options::{ImportOptions, OutsideMap, ProjectorMode, ShadowMode},
+    scene::{Camera, Mapping, Material, Reflection, Scene, ShadowMap, ShadowRules, TextureRef},
 };
-use std::collections::BTreeMap;
+use std::{collections::BTreeMap, rc::Rc};
 
 /// The canonical scene of a document; `None` where there were errors.
 pub(in crate::import::x3d) fn build(
@@ -35,24 +37,26 @@ pub(in crate::import::x3d) fn build(
     let world = World::of(document, findings);
     let mut textures = Textures::new(bundle);
     let mut lights = Lights::of(&world, options.light_units, findings);
+    let mut reach = Reach::new(&world);
+    reach.say_what_shines_on_nothing(findings);
     let mut shapes = form(&world, &mut textures, options, findings);
-    for formed in &mut shapes {
-        formed.received = lights.received(formed.appearance, &formed.stack.shadow_maps, options.light_units, findings);
-    }
+    receive(&mut shapes, &mut lights, &mut reach, options, findings)?;
     let files = inlined::read(bundle, &world, options, findings);
     let (casters, receivers) = boxes(&shapes, &files);
     let main = document.files().first().map_or("", |f| f.as_str());
     let cameras = cameras(&world, findings);
-    // Projectors may name lights that stand nowhere else: those must be there before projections are completed.
-    for node in shapes.iter().flat_map(projecting).filter(|n| is_light(*n)) {
-        lights.of_node(node, options.light_units, findings);
-    }
+    let maker = Maker { world: &world, cameras: &cameras, casters, options };
+    maker.add_lights(&shapes, &mut lights, findings);
     lights.complete(casters, &receivers, findings, At::file(main));
-    let mut projectors = projectors(&shapes, &world, &mut lights, &cameras, casters, options, findings);
+    let mut projectors = maker.make(&shapes, &mut lights, findings);
     let mut surfaces = Surfaces::default();
-    let mut looks = Looks { textures: &mut textures, materials: vec![], known: BTreeMap::new() };
+    let colours_lights = options.x3d_projectors == ProjectorMode::Light;
+    let mut looks = Looks { textures: &mut textures, projectors: &projectors, colours_lights, materials: vec![], known: BTreeMap::new() };
     for formed in &shapes {
-        add(formed, &world, &lights, &projectors, &mut looks, &mut surfaces, findings);
+        if let Err(e) = add(formed, &mut reach, &mut looks, &mut surfaces, findings) {
+            findings.error(formed.placed.node.at(), e.to_string());
+            break;
+        }
     }
     let materials = looks.materials;
     if findings.has_errors() {
@@ -65,22 +69,46 @@ pub(in crate::import::x3d) fn build(
         lights: lights.lights,
         projectors: std::mem::take(&mut projectors.list),
         cameras: cameras.into_iter().map(|(_, c)| c).collect(),
-        rules: ShadowRules {
-            strict: options.x3d_shadows == ShadowMode::Strict,
-            outside_is_shadowed: options.x3d_outside_map == OutsideMap::Shadowed,
-        },
+        rules: rules(options),
         ..Scene::empty()
     };
     colour_lights(&mut scene, &shapes, &projectors, findings);
-    files.absorb(&mut surfaces, &mut scene, findings);
+    files.absorb(&mut surfaces, &mut scene, &mut reach, findings);
     surfaces.finish(&mut scene);
     if scene.surfaces.is_empty() {
         findings.promote();
         findings.error(At::file(main), "no shape of the scene has a surface: there is nothing to bake");
         return None;
     }
-    say_what_is_missing(&world, &scene, main, findings);
+    say_what_is_missing(&world, &scene, options, main, findings);
     Some(scene)
+}
+
+fn rules(options: &ImportOptions) -> ShadowRules {
+    ShadowRules { strict: options.x3d_shadows == ShadowMode::Strict, outside_is_shadowed: options.x3d_outside_map == OutsideMap::Shadowed }
+}
+
+/// Finds out whose shadows each shape receives, once for each appearance; `None` where those are too many, which is then an error.
+fn receive(
+    shapes: &mut [Formed<'_, '_>],
+    lights: &mut Lights,
+    reach: &mut Reach<'_, '_>,
+    options: &ImportOptions,
+    findings: &mut Findings,
+) -> Option<()> {
+    let mut known = BTreeMap::new();
+    for formed in shapes {
+        let Some(appearance) = formed.appearance else { continue };
+        let received = known
+            .entry(appearance.id())
+            .or_insert_with(|| Rc::new(lights.received(appearance, &formed.stack.shadow_maps, options.light_units, findings)));
+        formed.received = Rc::clone(received);
+        // A map takes as much memory as this many lights.
+        let map = size_of::<(u32, ShadowMap)>() / size_of::<u32>();
+        let pairs = formed.received.lights.len() + map * formed.received.maps.len();
+        reach.take(pairs).map_err(|e| findings.error(formed.placed.node.at(), e.to_string())).ok()?;
+    }
+    Some(())
 }
 
 /// The box of what casts shadows, and for each light that of what receives its shadows.
@@ -116,94 +144,43 @@ fn cameras(world: &World<'_>, findings: &mut Findings) -> Vec<(NodeId, Camera)> 
     world.viewpoints.iter().take(limits::LIGHTS).filter_map(camera).collect()
 }
 
-/// The nodes that project textures onto a shape.
-fn projecting<'a, 'd>(formed: &'a Formed<'_, 'd>) -> impl Iterator<Item = NodeRef<'d>> + use<'a, 'd> {
-    formed.stack.layers.iter().chain(&formed.thrown).filter_map(|l| if let Source::Projected(node) = l.source { Some(node) } else { None })
-}
-
-/// Projectors by the node that projects.
-#[derive(Default)]
-struct Projectors {
-    by_node: BTreeMap<NodeId, u32>,
-    list: Vec<Projector>,
-}
-
-fn projectors(
-    shapes: &[Formed<'_, '_>],
-    world: &World<'_>,
-    lights: &mut Lights,
-    cameras: &[(NodeId, Camera)],
-    casters: Bounds,
-    options: &ImportOptions,
-    findings: &mut Findings,
-) -> Projectors {
-    let mut out = Projectors::default();
-    for node in shapes.iter().flat_map(projecting) {
-        if out.by_node.contains_key(&node.id()) {
-            continue;
-        }
-        let name = node.def().unwrap_or(node.kind()).to_owned();
-        let projector = if is_light(node) {
-            let light = lights.of_node(node, options.light_units, findings);
-            light.map(|index| Projector { name, light: Some(index), matrix: view::light_matrix(&lights.lights[index as usize]) })
-        } else if matches!(node.kind(), "Viewpoint" | "OrthoViewpoint") {
-            viewpoint(node, name, world, cameras, casters, findings)
-        } else {
-            findings.warn(node.at(), format!("{} cannot project a texture", node.kind()));
-            None
-        };
-        let Some(projector) = projector else { continue };
-        out.by_node.insert(node.id(), out.list.len() as u32);
-        out.list.push(projector);
-    }
-    out
-}
-
-fn viewpoint(
-    node: NodeRef<'_>,
-    name: String,
-    world: &World<'_>,
-    cameras: &[(NodeId, Camera)],
-    casters: Bounds,
-    findings: &mut Findings,
-) -> Option<Projector> {
-    let alone = Placed { node, matrix: glam::DMat4::IDENTITY, group: 0, name: None };
-    let placed = world.viewpoints.iter().find(|p| p.node.id() == node.id()).unwrap_or(&alone);
-    let camera = view::camera(placed, name.clone(), findings)?;
-    let is_bound = cameras.first().is_some_and(|(id, _)| *id == node.id());
-    let (found_near, found_far) =
-        super::fit::depth(super::fit::Rays::Along(space::wide(camera.eye), space::wide(camera.forward)), casters, casters);
-    let given = |field, found| if node.float(field) > 0.0 { f64::from(node.float(field)) } else { found };
-    let (near, far) = (given("projectionNear", found_near), given("projectionFar", found_far));
-    if near >= far {
-        findings.error(node.at(), format!("the viewpoint `{name}` projects from {near} to {far}, which is nothing"));
-        return None;
-    }
-    Some(Projector { name, light: None, matrix: view::viewpoint_matrix(placed, &camera, is_bound, near, far) })
-}
-
 /// Materials by what they depend on.
-struct Looks<'t, 'b> {
-    textures: &'t mut Textures<'b>,
-    materials: Vec<kiln_proto::scene::Material>,
+struct Looks<'t, 'b, 'd> {
+    textures: &'t mut Textures<'b, 'd>,
+    projectors: &'t Projectors,
+    colours_lights: bool,
+    materials: Vec<Material>,
     known: BTreeMap<Key, (u32, Option<u32>)>,
 }
 
 /// Appearance, coordinates, the automatic coordinate set, vertex colours.
-type Key = (Option<NodeId>, Vec<NodeId>, u32, bool);
+type Key = (Option<NodeId>, Option<NodeId>, u32, Option<ColourKey>);
 
-impl Looks<'_, '_> {
-    fn sides(&mut self, formed: &Formed<'_, '_>, projectors: &Projectors, findings: &mut Findings) -> (u32, Option<u32>) {
-        let has_colours = formed.mesh.colours.is_some();
+/// Whether vertex colours have an opacity and use it, and what unlit materials take of them.
+type ColourKey = (bool, bool, Option<(bool, [u32; 3])>);
+
+impl<'d> Looks<'_, '_, 'd> {
+    fn sides(&mut self, formed: &Formed<'_, 'd>, findings: &mut Findings) -> (u32, Option<u32>) {
         let geometry = formed.placed.node.node("geometry");
-        let texture_nodes = geometry.filter(|g| g.has("texCoord")).iter().flat_map(|g| g.children("texCoord")).map(|n| n.id()).collect();
-        let key = (formed.appearance.map(|a| a.id()), texture_nodes, formed.coordinates.automatic, has_colours);
+        let texture_coordinates = geometry.filter(|g| g.has("texCoord")).and_then(|g| g.node("texCoord"));
+        let is_unlit = material::is_unlit(formed.appearance);
+        let colours = formed.colours.map(|c| {
+            let mean = is_unlit.then(|| (c.vary, c.mean.to_array().map(f32::to_bits)));
+            (c.has_alpha, c.transparent, mean)
+        });
+        let key = (formed.appearance.map(|a| a.id()), texture_coordinates.map(|n| n.id()), formed.coordinates.automatic, colours);
         if let Some(known) = self.known.get(&key) {
             return *known;
         }
-        let by_node = |node: NodeRef<'_>| projectors.by_node.get(&node.id()).copied();
-        let (appearance, layers, coordinates) = (formed.appearance, formed.stack.layers.as_slice(), &formed.coordinates);
-        let shape = material::Shape { appearance, layers, coordinates, has_colours, projectors: &by_node };
+        let shape = material::Shape {
+            at: formed.placed.node.at(),
+            appearance: formed.appearance,
+            layers: &formed.stack.layers,
+            coordinates: &formed.coordinates,
+            colours: formed.colours,
+            projectors: &|node| self.projectors.of(node),
+            colours_lights: self.colours_lights,
+        };
         let Sides { front, back } = material::convert(&shape, self.textures, findings);
         let mut push = |m| {
             self.materials.push(m);
@@ -215,23 +192,16 @@ impl Looks<'_, '_> {
     }
 }
 
-#[allow(clippy::too_many_arguments)] // What one shape is joined from.
-fn add(
-    formed: &Formed<'_, '_>,
-    world: &World<'_>,
-    lights: &Lights,
-    projectors: &Projectors,
-    looks: &mut Looks<'_, '_>,
+fn add<'d>(
+    formed: &Formed<'_, 'd>,
+    reach: &mut Reach<'_, '_>,
+    looks: &mut Looks<'_, '_, 'd>,
     surfaces: &mut Surfaces,
     findings: &mut Findings,
-) {
-    let (front, back) = looks.sides(formed, projectors, findings);
-    let unlit_by = (0..world.lights.len() as u32)
-        .zip(&world.lights)
-        .filter(|(_, l)| !l.node.bool("global") && !world.is_inside(formed.placed.group, l.group))
-        .map(|(index, _)| index)
-        .filter(|index| (*index as usize) < lights.lights.len())
-        .collect();
+) -> Result<(), TooManyPairs> {
+    let (front, back) = looks.sides(formed, findings);
+    let unlit_by = reach.unlit_by(formed.placed.group)?;
+    reach.take(unlit_by.len())?;
     let look = Look {
         name: formed.placed.name.unwrap_or("Shape"),
         front,
@@ -239,35 +209,36 @@ fn add(
         two_sided: formed.two_sided,
         casts_shadows: formed.casts,
         receive_shadows: formed.received.lights.clone(),
-        unlit_by,
+        unlit_by: unlit_by.to_vec(),
         shadow_maps: formed.received.maps.clone(),
     };
     let at = formed.placed.node.at();
     if !surfaces.add(&formed.mesh, 0..formed.mesh.polygon_count(), look, |_| at, findings) {
         findings.count(at, "shapes without any triangle left were dropped");
     }
+    Ok(())
 }
 
 /// `--x3d-projectors light`: each light takes the first texture that is projected from it.
 fn colour_lights(scene: &mut Scene, shapes: &[Formed<'_, '_>], projectors: &Projectors, findings: &mut Findings) {
     for layer in shapes.iter().flat_map(|s| &s.thrown) {
         let Source::Projected(node) = layer.source else { continue };
-        let Some(projector) = projectors.by_node.get(&node.id()) else { continue };
-        let Some(light) = scene.projectors[*projector as usize].light else { continue };
+        let Some(projector) = projectors.of(node.id()) else { continue };
+        let Some(light) = scene.projectors[projector as usize].light else { continue };
         let light = &mut scene.lights[light as usize];
-        let mapping = kiln_proto::scene::Mapping::Projected { projector: *projector };
-        let texture = kiln_proto::scene::TextureRef { mapping, ..layer.texture };
+        let texture = TextureRef { mapping: Mapping::Projected { projector }, ..layer.texture };
         match light.texture {
             None => light.texture = Some(texture),
             Some(first) if first.texture == texture.texture => {}
             Some(_) => {
-                findings.warn(node.at(), format!("more than one texture is projected from `{}`; the first colours the light", light.name));
+                let message = format!("more than one texture is projected from `{}`; the first colours the light", light.name);
+                findings.warn_once(node.at(), &light.name, message);
             }
         }
     }
 }
 
-fn say_what_is_missing(world: &World<'_>, scene: &Scene, main: &str, findings: &mut Findings) {
+fn say_what_is_missing(world: &World<'_>, scene: &Scene, options: &ImportOptions, main: &str, findings: &mut Findings) {
     for node in &world.bindables {
         match node.kind() {
             "Background" | "TextureBackground" => findings.count(node.at(), "Background nodes were left out, they give no light in X3D"),
@@ -276,11 +247,14 @@ fn say_what_is_missing(world: &World<'_>, scene: &Scene, main: &str, findings: &
         }
     }
     let headlight = world.bindables.iter().find(|n| n.has("headlight")).is_none_or(|n| n.bool("headlight"));
-    if headlight && !scene.has_light() {
-        findings.warn_once(
-            At::file(main),
-            NO_LIGHT,
-            "the scene is lit by the viewer's headlight only, which moves with the camera and cannot be baked",
-        );
+    let is_lit = options.environment.is_some() || scene.lights.iter().any(|l| !l.intensity.is_black());
+    let wants_light = scene.materials.iter().any(|m| m.reflection != Reflection::None);
+    if headlight && !is_lit && wants_light {
+        let message = if scene.has_light() {
+            "the viewer's headlight, which moves with the camera, cannot be baked: what shines by itself is all the light that the scene has"
+        } else {
+            "the scene is lit by the viewer's headlight only, which moves with the camera and cannot be baked"
+        };
+        findings.warn_once(At::file(main), NO_LIGHT, message);
     }
 }

@@ -1,6 +1,7 @@
 //! Where the textures of a shape get their coordinates from: the `texCoord` field, one source per texture (ISO/IEC 19775-1: 18.2.3).
 
 use crate::import::{findings::Findings, x3d::NodeRef};
+use kiln_proto::limits;
 
 /// Where one texture's coordinates come from.
 #[derive(Debug, Clone, Copy)]
@@ -42,6 +43,10 @@ impl<'d> Coordinates<'d> {
 
     fn add(&mut self, node: NodeRef<'d>, findings: &mut Findings) {
         let source = match node.kind() {
+            "TextureCoordinate" | "TextureCoordinate3D" | "TextureCoordinate4D" if self.lists.len() + 1 >= limits::UV_SETS => {
+                findings.count(node.at(), "coordinates of more textures than a surface can have sets for became automatic");
+                Source::Automatic
+            }
             "TextureCoordinate" => self.list(node.mf_vec2("point").into_owned()),
             // The third coordinate is for volume textures; the fourth divides (ISO/IEC 19775-1: 33.4.6).
             "TextureCoordinate3D" => self.list(node.mf_vec3("point").iter().map(|p| [p[0], p[1]]).collect()),

@@ -3,23 +3,21 @@
 //! What all places together come to is counted before the first copy: a few nodes that use each other may inline a file a million times.
 
 use super::{
+    reach::{Reach, TooManyPairs},
     space,
     walk::{Placed, World},
 };
-use crate::import::{
-    Bundle, BundlePath,
-    findings::{At, Findings},
-    import_file,
-    name::Names,
-    surfaces::Surfaces,
-};
+use crate::import::{Bundle, BundlePath, findings::Findings, import_file, name::Names, surfaces::Surfaces};
 use glam::DMat4;
 use kiln_proto::{
     limits,
     options::ImportOptions,
-    scene::{Falloff, LightShape, Mapping, Part, Reflection, Scene, Surface, TextureRef, Triangle},
+    scene::{Falloff, Light, LightShape, Part, Scene, Surface, Triangle},
 };
-use std::collections::{BTreeMap, BTreeSet};
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    ops::Range,
+};
 
 /// The scenes of all inlined files with their places.
 pub(super) struct Files<'w, 'd> {
@@ -62,19 +60,26 @@ impl<'w, 'd> Files<'w, 'd> {
     }
 
     /// Adds all of them to a scene and its surfaces.
-    pub(super) fn absorb(self, surfaces: &mut Surfaces, scene: &mut Scene, findings: &mut Findings) {
+    pub(super) fn absorb(self, surfaces: &mut Surfaces, scene: &mut Scene, reach: &mut Reach<'_, '_>, findings: &mut Findings) {
         let first: Vec<u32> = self.scenes.iter().map(|file| add_materials(file, scene)).collect();
         let mut names = Names::of(scene.lights.iter().map(|l| l.name.as_str()));
         for (placed, index) in &self.places {
-            let file = &self.scenes[*index];
-            surfaces.absorb(file, first[*index], placed, findings);
-            for light in &file.lights {
+            let copy = Instance {
+                file: &self.scenes[*index],
+                first_material: first[*index],
+                placed,
+                inverse: placed.matrix.inverse().transpose(),
+            };
+            if let Err(e) = surfaces.absorb(&copy, reach, findings) {
+                return findings.error(placed.node.at(), e.to_string());
+            }
+            for light in &copy.file.lights {
                 let mut light = light.clone();
                 place_light(&mut light, &placed.matrix);
                 light.name = names.take(&light.name);
                 scene.lights.push(light);
             }
-            if !file.cameras.is_empty() {
+            if !copy.file.cameras.is_empty() {
                 findings.count(placed.node.at(), "cameras of inlined files were left out");
             }
         }
@@ -86,51 +91,55 @@ fn add_materials(file: &Scene, scene: &mut Scene) -> u32 {
     let (materials, textures) = (scene.materials.len() as u32, scene.textures.len() as u32);
     for material in &file.materials {
         let mut material = material.clone();
-        textures_of(&mut material).into_iter().for_each(|t| t.texture += textures);
+        material.textures_mut().for_each(|t| t.texture += textures);
         scene.materials.push(material);
     }
     scene.textures.extend_from_slice(&file.textures);
     materials
 }
 
+/// A file at one of its places.
+struct Instance<'a, 'd> {
+    file: &'a Scene,
+    /// Index of the file's first material among those of the scene.
+    first_material: u32,
+    placed: &'a Placed<'d>,
+    /// The inverse transpose of its matrix, for normals.
+    inverse: DMat4,
+}
+
 impl Surfaces {
-    /// Adds the surfaces of a file at a place; its materials begin at `first_material`.
-    fn absorb(&mut self, file: &Scene, first_material: u32, placed: &Placed<'_>, findings: &mut Findings) {
-        let matrix = placed.matrix;
-        let mirrors = matrix.determinant() < 0.0;
+    /// Adds the surfaces of a file at a place.
+    fn absorb(&mut self, copy: &Instance<'_, '_>, reach: &mut Reach<'_, '_>, findings: &mut Findings) -> Result<(), TooManyPairs> {
+        let file = copy.file;
+        let unlit_by = reach.unlit_by(copy.placed.group)?;
         let backs: BTreeSet<u32> = file.surfaces.iter().filter_map(|s| s.back_of).collect();
         for (index, front) in file.surfaces.iter().enumerate().filter(|(_, s)| s.back_of.is_none()) {
             let two_sided = backs.contains(&(index as u32));
-            for (part, first) in front.parts.iter().scan(0, |end, part| {
-                let first = *end;
-                *end += part.triangles as usize;
-                Some((part, first))
-            }) {
-                let range = first..first + part.triangles as usize;
-                let surface = self.moved(front, range, file, &matrix, mirrors, placed.node.at(), findings);
-                if !surface.triangles.is_empty() {
-                    let part = Part::plain("", part.material + first_material, surface.triangles.len());
-                    self.push(surface, part, &front.name, two_sided, None);
+            let mut end = 0;
+            for part in &front.parts {
+                let range = end..end + part.triangles as usize;
+                end = range.end;
+                let surface = self.moved(front, range, copy, findings);
+                if surface.triangles.is_empty() {
+                    continue;
                 }
+                reach.take(unlit_by.len())?;
+                let plain = Part::plain("", part.material + copy.first_material, surface.triangles.len());
+                let part = Part { casts_shadows: part.casts_shadows, unlit_by: unlit_by.to_vec(), ..plain };
+                self.push(surface, part, &front.name, two_sided, None);
             }
         }
+        Ok(())
     }
 
-    #[allow(clippy::too_many_arguments)] // A run of triangles, where it comes from and where it goes.
-    fn moved(
-        &mut self,
-        front: &Surface,
-        range: std::ops::Range<usize>,
-        file: &Scene,
-        matrix: &DMat4,
-        mirrors: bool,
-        at: At<'_>,
-        findings: &mut Findings,
-    ) -> Surface {
+    /// A run of triangles of a surface at its place.
+    fn moved(&mut self, front: &Surface, range: Range<usize>, copy: &Instance<'_, '_>, findings: &mut Findings) -> Surface {
         fn turn<T: Copy>(mirrors: bool, [a, b, c]: [T; 3]) -> [T; 3] {
             if mirrors { [a, c, b] } else { [a, b, c] }
         }
-        let inverse = matrix.inverse().transpose();
+        let (file, matrix) = (copy.file, &copy.placed.matrix);
+        let mirrors = matrix.determinant() < 0.0;
         let mut surface = Surface { uv_sets: vec![vec![]; front.uv_sets.len()], ..Surface::default() };
         for i in range {
             let corners = front.triangles[i].corners.map(|c| {
@@ -139,7 +148,7 @@ impl Surfaces {
             });
             let corners = turn(mirrors, corners);
             if let Err(left) = self.weld.triangle(corners) {
-                findings.count(at, left.words());
+                findings.count(copy.placed.node.at(), left.words());
                 continue;
             }
             surface.triangles.push(Triangle { corners, polygon: front.triangles[i].polygon });
@@ -149,7 +158,7 @@ impl Surfaces {
             if let Some(normals) = front.normals.get(i) {
                 let moved = normals.map(|n| {
                     let n = file.normals[n as usize];
-                    space::narrow(inverse.transform_vector3(space::wide(n)).normalize_or(space::wide(n)))
+                    space::narrow(copy.inverse.transform_vector3(space::wide(n)).normalize_or(space::wide(n)))
                 });
                 surface.normals.push(turn(mirrors, moved.map(|n| self.weld.normals.id(n))));
             }
@@ -161,31 +170,7 @@ impl Surfaces {
     }
 }
 
-/// Every texture that a material names, to be renumbered.
-fn textures_of(material: &mut kiln_proto::scene::Material) -> Vec<&mut TextureRef> {
-    let mut all: Vec<&mut TextureRef> = vec![];
-    match &mut material.reflection {
-        Reflection::None => {}
-        Reflection::Phong(p) => {
-            all.extend(p.layers.iter_mut().map(|l| &mut l.texture));
-            all.extend(&mut p.specular_texture);
-        }
-        Reflection::MetallicRoughness(p) => {
-            all.extend(p.layers.iter_mut().map(|l| &mut l.texture));
-            all.extend(&mut p.metallic_roughness_texture);
-            all.extend(&mut p.specular_texture);
-            all.extend(&mut p.specular_color_texture);
-            all.extend(&mut p.transmission_texture);
-        }
-    }
-    all.extend(&mut material.emission_texture);
-    all.extend(&mut material.opacity.texture);
-    all.extend(material.normal_map.iter_mut().map(|n| &mut n.texture));
-    debug_assert!(all.iter().all(|t| matches!(t.mapping, Mapping::Uv { .. })));
-    all
-}
-
-fn place_light(light: &mut kiln_proto::scene::Light, matrix: &DMat4) {
+fn place_light(light: &mut Light, matrix: &DMat4) {
     let at = |p: [f32; 3]| space::narrow(space::point(matrix, p));
     let along = |d: [f32; 3]| space::direction(matrix, d).map_or(d, space::narrow);
     match &mut light.shape {

@@ -25,6 +25,8 @@ pub(super) const FAR: u8 = 2;
 pub(super) const RECTANGLE: u8 = 4;
 /// See [`NEAR`].
 pub(super) const ANGLE: u8 = 8;
+/// Whether a directional light has no place of its own: until its rectangle is found, and no part of the scene.
+pub(super) const LOCATION: u8 = 16;
 
 /// The light of a node; `None` where its numbers make none, which is then an error. `shines` is false for a light that stands only in
 /// `GeneratedShadowMap.light` or `projector` (Kamburelis 4.4).
@@ -174,7 +176,9 @@ fn directional(placed: &Placed<'_>, scale: f32, out: &mut Projection, findings: 
     let rectangle @ [left, bottom, right, top] = node.vec4("projectionRectangle");
     out.location = space::narrow(point(matrix, node.vec3("projectionLocation")));
     if rectangle == [0.0; 4] {
-        out.automatic |= RECTANGLE;
+        // Asked of the file's numbers: in the world the light's group has moved them.
+        let has_place = wide(node.vec3("projectionLocation")) != DVec3::ZERO;
+        out.automatic |= if has_place { RECTANGLE } else { RECTANGLE | LOCATION };
         return Some(());
     }
     if !(left < right && bottom < top && rectangle.iter().all(|v| v.is_finite())) {

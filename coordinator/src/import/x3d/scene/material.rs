@@ -5,18 +5,21 @@
 //! A lobe that keeps the number of Ks instead would be n/2 times too bright.
 
 use super::{
+    colours::Colours,
     coordinates::{Coordinates, Source},
+    own,
     texture::{Layer, Textures, mapping},
 };
 use crate::import::{
     findings::{At, Findings},
     images::Image,
-    x3d::NodeRef,
+    x3d::{NodeId, NodeRef},
 };
 use kiln_proto::{
     limits,
     scene::{
-        AlphaMode, Coding, Lobe, Material, MetallicRoughness, NormalMap, Opacity, Phong, Reflection, TextureLayer, TextureRef, energy_scale,
+        AlphaMode, Coding, LayerMode, Lobe, Material, MetallicRoughness, NormalMap, Opacity, Phong, Reflection, TextureLayer, TextureRef,
+        energy_scale,
     },
     units::Rgb,
 };
@@ -28,13 +31,16 @@ const HALF_VECTOR: f32 = 4.0;
 
 /// What a shape's material is made from.
 pub(super) struct Shape<'d, 'a> {
+    pub(super) at: At<'d>,
     pub(super) appearance: Option<NodeRef<'d>>,
     pub(super) layers: &'a [Layer<'d>],
     pub(super) coordinates: &'a Coordinates<'d>,
-    /// Whether vertices have colours, which take the place of the material's.
-    pub(super) has_colours: bool,
+    /// The colours of its vertices, which take the place of the material's.
+    pub(super) colours: Option<Colours>,
     /// Index of the projector of each node that projects.
-    pub(super) projectors: &'a dyn Fn(NodeRef<'d>) -> Option<u32>,
+    pub(super) projectors: &'a dyn Fn(NodeId) -> Option<u32>,
+    /// Whether what a light projects colours the light and not the shape.
+    pub(super) colours_lights: bool,
 }
 
 /// The two sides of a shape.
@@ -44,96 +50,175 @@ pub(super) struct Sides {
     pub(super) back: Option<Material>,
 }
 
+/// What the fields of a material are called.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Names {
+    /// As in Material.
+    Plain,
+    /// As those of the back in TwoSidedMaterial.
+    Back,
+    /// As in CommonSurfaceShader, X3DOM's and Castle's material in the form of a shader.
+    Factors,
+}
+
+impl Names {
+    /// The name of a field of Material here.
+    fn of(self, name: &str) -> String {
+        match (self, name.split_at_checked(1)) {
+            (Self::Back, Some((first, rest))) => format!("back{}{rest}", first.to_uppercase()),
+            (Self::Factors, _) => format!("{}Factor", name.trim_end_matches("Color")),
+            _ => name.to_owned(),
+        }
+    }
+}
+
+/// The material of a shape's front. A shader that describes one comes before the material that viewers without it draw.
+pub(super) fn front(appearance: NodeRef<'_>) -> Option<NodeRef<'_>> {
+    appearance.children("shaders").find(|s| s.kind() == "CommonSurfaceShader").or_else(|| appearance.node("material"))
+}
+
+/// Whether some side of a shape is drawn in its colour whatever light there is.
+pub(super) fn is_unlit(appearance: Option<NodeRef<'_>>) -> bool {
+    let Some(appearance) = appearance else { return true };
+    let is_unlit = |m: NodeRef<'_>| m.kind() == "UnlitMaterial";
+    let has_shader = appearance.node("shaders").is_some();
+    front(appearance).map_or(!has_shader, is_unlit) || appearance.node("backMaterial").is_some_and(is_unlit)
+}
+
 /// Converts the material of a shape.
-pub(super) fn convert(shape: &Shape<'_, '_>, textures: &mut Textures<'_>, findings: &mut Findings) -> Sides {
-    let node = shape.appearance.and_then(|a| a.node("material"));
+pub(super) fn convert<'d>(shape: &Shape<'d, '_>, textures: &mut Textures<'_, 'd>, findings: &mut Findings) -> Sides {
+    let node = shape.appearance.and_then(front);
+    let shader = shape.appearance.and_then(|a| a.children("shaders").find(|s| s.kind() != "CommonSurfaceShader"));
     let mut maker = Maker { shape, textures, findings };
+    if let Some(shader) = shader {
+        maker.findings.count(shader.at(), "shaders do not run in a bake; their shapes were given what else their appearance says");
+    }
     let Some(node) = node else {
-        return Sides { front: maker.unlit("unlit", Rgb::WHITE, None), back: None };
+        let mut front = match shader {
+            // Whatever the shader draws, it is hardly white light.
+            Some(_) => maker.grey(),
+            None => maker.unlit("unlit", Rgb::WHITE, None),
+        };
+        front.opacity = maker.opacity(0.0, None);
+        return Sides { front, back: None };
     };
-    let front = maker.side(node, "");
+    let names = if node.kind() == "CommonSurfaceShader" { Names::Factors } else { Names::Plain };
+    let front = maker.side(node, names);
     let back = match shape.appearance.and_then(|a| a.node("backMaterial")) {
-        Some(back) => Some(maker.side(back, "")),
-        None if node.kind() == "TwoSidedMaterial" && node.bool("separateBackColor") => Some(maker.side(node, "back")),
+        Some(back) => Some(maker.side(back, Names::Plain)),
+        None if node.kind() == "TwoSidedMaterial" && node.bool("separateBackColor") => Some(maker.side(node, Names::Back)),
         None => None,
     };
     Sides { front, back }
 }
 
+/// A texture in a field of a material, as the material uses it.
+#[derive(Clone, Copy)]
+struct Own<'d> {
+    image: Image,
+    texture: TextureRef,
+    /// The `alphaChannel` of its node.
+    channel: &'d str,
+}
+
+impl Own<'_> {
+    fn layers(self) -> Vec<TextureLayer> {
+        vec![TextureLayer { texture: self.texture, mode: LayerMode::Modulate { scale: 1.0 } }]
+    }
+}
+
 struct Maker<'m, 'd, 'a, 'b> {
     shape: &'m Shape<'d, 'a>,
-    textures: &'m mut Textures<'b>,
+    textures: &'m mut Textures<'b, 'd>,
     findings: &'m mut Findings,
 }
 
-impl Maker<'_, '_, '_, '_> {
-    /// The material of a node; `prefix` picks the fields of a TwoSidedMaterial's back.
-    fn side(&mut self, node: NodeRef<'_>, prefix: &str) -> Material {
+impl<'d> Maker<'_, 'd, '_, '_> {
+    /// The material of a node.
+    fn side(&mut self, node: NodeRef<'d>, names: Names) -> Material {
         let name = node.def().unwrap_or(node.kind());
-        let mut material = match node.kind() {
+        let emissive = self.own(node, "emissiveTexture", Coding::Srgb);
+        // The texture that carries the opacity (X3D 4: 12.4) is that of the colour.
+        let (mut material, base) = match node.kind() {
             "UnlitMaterial" => {
-                let texture = self.own_texture(node, "emissiveTexture", Coding::Srgb);
                 let emission = colour(node, "emissiveColor", self.findings);
-                self.unlit(name, emission, texture)
+                (self.unlit(name, emission, emissive), emissive)
             }
-            "PhysicalMaterial" => self.physical(node, name),
-            _ => self.phong(node, name, prefix),
+            "PhysicalMaterial" => {
+                let base = self.own(node, "baseTexture", Coding::Srgb);
+                (self.physical(node, name, base), base)
+            }
+            _ => {
+                let base = self.own(node, "diffuseTexture", Coding::Srgb);
+                (self.phong(node, name, names, base), base)
+            }
         };
         if node.kind() != "UnlitMaterial" {
-            material.emission = colour(node, &field(prefix, "emissiveColor"), self.findings);
-            material.emission_texture = self.own_texture(node, "emissiveTexture", Coding::Srgb).map(|(_, t)| t);
+            material.emission = colour(node, &names.of("emissiveColor"), self.findings);
+            material.emission_texture = emissive.map(|own| own.texture);
         }
-        if node.has("normalTexture") {
-            let map = self.own_texture(node, "normalTexture", Coding::Linear);
-            material.normal_map = map.map(|(_, texture)| NormalMap { texture, scale: node.float("normalScale") });
-        }
+        let normals = self.own(node, "normalTexture", Coding::Linear);
+        let scale = if node.has("normalScale") { node.float("normalScale") } else { 1.0 };
+        material.normal_map = normals.map(|own| NormalMap { texture: own.texture, scale });
         if ["occlusionTexture", "ambientTexture", "shininessTexture"].iter().any(|f| node.has(f) && node.node(f).is_some()) {
             self.findings.count(node.at(), "occlusion, ambient and shininess textures were ignored");
         }
-        material.opacity = self.opacity(node.float(&field(prefix, "transparency")), base_texture(node));
+        if node.has("mirror") && node.float("mirror") > 0.0 {
+            self.findings.count(node.at_field("mirror"), "the `mirror` of materials was ignored");
+        }
+        let transparency = if names == Names::Factors { 1.0 - node.float("alphaFactor") } else { node.float(&names.of("transparency")) };
+        material.opacity = self.opacity(transparency, base);
         material
     }
 
-    fn phong(&mut self, node: NodeRef<'_>, name: &str, prefix: &str) -> Material {
-        let mut diffuse = if self.shape.has_colours { Rgb::WHITE } else { colour(node, &field(prefix, "diffuseColor"), self.findings) };
-        let (ks, shininess) = (colour(node, &field(prefix, "specularColor"), self.findings), node.float(&field(prefix, "shininess")));
+    fn phong(&mut self, node: NodeRef<'d>, name: &str, names: Names, base: Option<Own<'d>>) -> Material {
+        let has_colours = self.shape.colours.is_some();
+        let mut diffuse = if has_colours { Rgb::WHITE } else { colour(node, &names.of("diffuseColor"), self.findings) };
+        let (ks, shininess) = (colour(node, &names.of("specularColor"), self.findings), node.float(&names.of("shininess")));
         let exponent = shininess.clamp(0.0, 1.0) * SHARPEST / HALF_VECTOR;
         let mut specular = ks * (2.0 / (exponent + 2.0));
         let scale = energy_scale(diffuse, specular);
         (diffuse, specular) = (diffuse * scale, specular * scale);
-        let ambient = node.float(&field(prefix, "ambientIntensity")).clamp(0.0, 1.0);
-        let layers = match self.own_layer(node, "diffuseTexture") {
-            Some(own) => vec![own],
-            None => self.layers(),
+        let ambient = match names {
+            Names::Factors => Rgb::from(node.vec3("ambientFactor")).mean(),
+            _ => node.float(&names.of("ambientIntensity")),
         };
-        let specular_texture = self.own_texture(node, "specularTexture", Coding::Srgb).map(|(_, t)| t);
+        let layers = base.map_or_else(|| self.layers(), Own::layers);
+        let specular_texture = self.own(node, "specularTexture", Coding::Srgb).map(|own| own.texture);
         let lobe = Lobe::Phong { exponent };
-        Material::new(name, Reflection::Phong(Phong { diffuse, layers, specular, specular_texture, lobe, ambient }))
+        Material::new(
+            name,
+            Reflection::Phong(Phong { diffuse, layers, specular, specular_texture, lobe, ambient: ambient.clamp(0.0, 1.0) }),
+        )
     }
 
-    fn physical(&mut self, node: NodeRef<'_>, name: &str) -> Material {
-        let base = if self.shape.has_colours { Rgb::WHITE } else { colour(node, "baseColor", self.findings) };
+    fn physical(&mut self, node: NodeRef<'d>, name: &str, base: Option<Own<'d>>) -> Material {
+        let has_colours = self.shape.colours.is_some();
+        let color = if has_colours { Rgb::WHITE } else { colour(node, "baseColor", self.findings) };
         let share = |field| node.float(field).clamp(0.0, 1.0);
-        let layers = match self.own_layer(node, "baseTexture") {
-            Some(own) => vec![own],
-            None => self.layers(),
-        };
-        let texture = self.own_texture(node, "metallicRoughnessTexture", Coding::Linear).map(|(_, t)| t);
-        let pbr = MetallicRoughness::plain(base, share("metallic"), share("roughness"));
+        let layers = base.map_or_else(|| self.layers(), Own::layers);
+        let texture = self.own(node, "metallicRoughnessTexture", Coding::Linear).map(|own| own.texture);
+        let pbr = MetallicRoughness::plain(color, share("metallic"), share("roughness"));
         Material::new(name, Reflection::MetallicRoughness(MetallicRoughness { layers, metallic_roughness_texture: texture, ..pbr }))
     }
 
-    /// Something that is drawn in its colour whatever light there is: it gives that colour as light.
-    fn unlit(&mut self, name: &str, emission: Rgb, texture: Option<(Image, TextureRef)>) -> Material {
-        if self.shape.has_colours {
-            let at = self.shape.appearance.map_or(At::file(""), |a| a.at());
-            self.findings.count(at, "vertex colours of unlit shapes were ignored");
-        }
-        let texture = texture.map(|(_, t)| t).or_else(|| self.layers().first().map(|l| l.texture));
-        let mut material = Material::new(name, Reflection::None).emitting(emission);
-        material.emission_texture = texture;
-        material.opacity = self.opacity(0.0, None);
-        material
+    /// What a Material looks like of which nothing is said, with the textures of the appearance.
+    fn grey(&self) -> Material {
+        let diffuse = if self.shape.colours.is_some() { Rgb::WHITE } else { Rgb::splat(0.8) };
+        Material::new("shader", Reflection::Phong(Phong { layers: self.layers(), ..Phong::matt(diffuse) }))
+    }
+
+    /// Something that is drawn in its colour whatever light there is: it gives that colour as light. Emission does not vary with vertices:
+    /// of several colours it is the mean, as for glTF's unlit materials.
+    fn unlit(&mut self, name: &str, emission: Rgb, own: Option<Own<'d>>) -> Material {
+        let emission = self.shape.colours.map_or(emission, |colours| {
+            if colours.vary {
+                self.findings.count(self.shape.at, "unlit shapes with several vertex colours were given the mean of them");
+            }
+            colours.mean
+        });
+        let texture = own.map(|own| own.texture).or_else(|| self.layers().first().map(|l| l.texture));
+        Material { emission_texture: texture, ..Material::new(name, Reflection::None).emitting(emission) }
     }
 
     /// The layers of the appearance's own texture.
@@ -141,70 +226,51 @@ impl Maker<'_, '_, '_, '_> {
         self.shape.layers.iter().map(|l| TextureLayer { texture: self.join(l.texture, l.source), mode: l.mode }).collect()
     }
 
-    /// A texture in a field of the material itself (X3D 4).
-    fn own_texture(&mut self, node: NodeRef<'_>, field: &str, coding: Coding) -> Option<(Image, TextureRef)> {
-        let texture = node.has(field).then(|| node.node(field)).flatten()?;
-        let transform = self.shape.appearance.and_then(|a| a.node("textureTransform"));
-        let (image, reference) = self.textures.texture(texture, transform, coding, true, self.findings)?;
-        let source = self.shape.coordinates.named(node.string(&format!("{field}Mapping")));
-        Some((image, self.join(reference, source)))
-    }
-
-    fn own_layer(&mut self, node: NodeRef<'_>, field: &str) -> Option<TextureLayer> {
-        let (_, texture) = self.own_texture(node, field, Coding::Srgb)?;
-        Some(TextureLayer { texture, mode: kiln_proto::scene::LayerMode::Modulate { scale: 1.0 } })
+    /// A texture in a field of the material itself (X3D 4); `None` also for one that colours a light instead.
+    fn own(&mut self, node: NodeRef<'d>, field: &str, coding: Coding) -> Option<Own<'d>> {
+        let found = own::find(node, field, self.shape.appearance, self.shape.coordinates)?;
+        if self.shape.colours_lights && found.colours_light() {
+            return None;
+        }
+        let (image, reference) = self.textures.texture(found.texture, found.transform, coding, self.findings)?;
+        Some(Own { image, texture: self.join(reference, found.source), channel: found.texture.string("alphaChannel") })
     }
 
     /// A texture with its coordinates.
     fn join(&self, texture: TextureRef, source: Source<'_>) -> TextureRef {
-        let projector = if let Source::Projected(node) = source { self.projector(node) } else { None };
+        let projector = if let Source::Projected(node) = source { (self.shape.projectors)(node.id()) } else { None };
         TextureRef { mapping: mapping(source, self.shape.coordinates.automatic, projector), ..texture }
     }
 
-    fn projector(&self, node: NodeRef<'_>) -> Option<u32> {
-        let same = self.shape.layers.iter().find_map(|l| match l.source {
-            Source::Projected(own) if own.id() == node.id() => Some(own),
-            _ => None,
-        });
-        same.and_then(|own| (self.shape.projectors)(own))
-    }
-
-    /// Opacity of the material and of its first texture that has any. `alphaMode` decides what it means (X3D 4: 12.4.1); AUTO cuts out what
-    /// is nearly all or nothing and blends the rest.
-    fn opacity(&mut self, transparency: f32, own: Option<NodeRef<'_>>) -> Opacity {
-        let factor = if transparency.is_finite() { 1.0 - transparency.clamp(0.0, 1.0) } else { 1.0 };
-        let own = own.and_then(|texture| {
-            let (image, reference) = self.textures.texture(texture, None, Coding::Srgb, true, self.findings)?;
-            Some((image, self.join(reference, self.shape.coordinates.at(0)), texture.string("alphaChannel")))
-        });
-        let layered = || self.shape.layers.iter().find(|l| l.image.transparent).map(|l| (l.image, self.join(l.texture, l.source), "AUTO"));
-        let texture = own.or_else(layered).filter(|(image, ..)| image.transparent);
-        let (word, cutoff) = self.shape.appearance.map_or(("AUTO", 0.5), |a| (a.string("alphaMode"), a.float("alphaCutoff")));
-        let channel = texture.as_ref().map_or("AUTO", |t| t.2);
-        let channel = self.shape.appearance.map(|a| a.string("alphaChannel")).filter(|c| *c != "AUTO").unwrap_or(channel);
-        let mask = AlphaMode::Mask { cutoff: cutoff.max(0.0) };
+    /// Opacity of the material and of the texture of its colour, or the first layer that has any. `alphaMode` decides what it means
+    /// (X3D 4: 12.4.1); AUTO cuts out what is nearly all or nothing and blends the rest. The alpha of ColorRGBA replaces the transparency.
+    fn opacity(&mut self, transparency: f32, own: Option<Own<'d>>) -> Opacity {
+        let replaced = self.shape.colours.is_some_and(|c| c.has_alpha);
+        let factor = if transparency.is_finite() && !replaced { 1.0 - transparency.clamp(0.0, 1.0) } else { 1.0 };
+        let appearance = self.shape.appearance;
+        let texture = match own {
+            Some(own) => Some(own),
+            None => {
+                let layer = self.shape.layers.iter().find(|l| l.image.transparent && l.channel != "NONE");
+                layer.map(|l| Own { image: l.image, texture: self.join(l.texture, l.source), channel: l.channel })
+            }
+        };
+        let texture = texture.filter(|own| own.image.transparent && own.channel != "NONE");
+        let (word, cutoff) = appearance.map_or(("AUTO", 0.5), |a| (a.string("alphaMode"), a.float("alphaCutoff").max(0.0)));
+        let channel = appearance.map(|a| a.string("alphaChannel")).filter(|c| *c != "AUTO");
+        let channel = channel.or(texture.map(|own| own.channel)).unwrap_or("AUTO");
+        let transparent = self.shape.colours.is_some_and(|c| c.transparent);
         let mode = match (word, channel) {
-            ("OPAQUE", _) | (_, "NONE") => return Opacity::OPAQUE,
-            ("MASK", _) | (_, "TEST") => mask,
+            ("OPAQUE", _) | (_, "NONE") => AlphaMode::Opaque,
+            ("MASK", _) | (_, "TEST") => AlphaMode::Mask { cutoff },
             ("BLEND", _) | (_, "BLENDING") => AlphaMode::Blend,
-            _ => self.textures.images.alpha_mode(factor, texture.as_ref().map(|(image, ..)| *image), cutoff.max(0.0)),
+            _ if transparent => AlphaMode::Blend,
+            _ => self.textures.images.alpha_mode(factor, texture.map(|own| own.image), cutoff),
         };
         if mode == AlphaMode::Opaque {
             return Opacity::OPAQUE;
         }
-        Opacity { mode, factor, texture: texture.map(|(_, t, _)| t) }
-    }
-}
-
-/// The texture that carries a material's opacity (X3D 4).
-fn base_texture(node: NodeRef<'_>) -> Option<NodeRef<'_>> {
-    ["diffuseTexture", "baseTexture"].into_iter().filter(|f| node.has(f)).find_map(|f| node.node(f))
-}
-
-fn field(prefix: &str, name: &str) -> String {
-    match name.split_at_checked(1) {
-        Some((first, rest)) if !prefix.is_empty() => format!("{prefix}{}{rest}", first.to_uppercase()),
-        _ => name.to_owned(),
+        Opacity { mode, factor, texture: texture.map(|own| own.texture) }
     }
 }
 
@@ -214,7 +280,9 @@ fn colour(node: NodeRef<'_>, field: &str, findings: &mut Findings) -> Rgb {
     let most = if field.to_lowercase().contains("emissive") { limits::BRIGHTEST } else { 1.0 };
     let usable = Rgb::from(given.to_array().map(|c| if c.is_finite() { c.clamp(0.0, most) } else { 0.0 }));
     if usable != given {
-        findings.warn(node.at_field(field), format!("{} has a {field} outside [0, {most:?}]; it was brought inside", node.kind()));
+        let key = format!("{field} {:?}", node.place_of(field));
+        let message = format!("{} has a {field} outside [0, {most:?}]; it was brought inside", node.kind());
+        findings.warn_once(node.at_field(field), &key, message);
     }
     usable
 }

@@ -10,12 +10,17 @@
 //! shape in one pass would have to come back to each of them.
 
 mod build;
+mod colours;
 mod coordinates;
 mod fit;
 mod form;
 mod inlined;
 mod light;
 mod material;
+mod own;
+mod pixels;
+mod projectors;
+mod reach;
 mod shadow;
 mod shape;
 mod space;

@@ -2,7 +2,7 @@
 
 use super::{
     fit::{self, Bounds, Rays},
-    light::{self, DEFAULT_MAP, FAR, NEAR, RECTANGLE},
+    light::{self, DEFAULT_MAP, FAR, LOCATION, NEAR, RECTANGLE},
     space::{narrow, wide},
     walk::{Placed, World},
 };
@@ -11,7 +11,7 @@ use crate::import::{
     name::Names,
     x3d::{NodeId, NodeRef},
 };
-use glam::{DMat4, DVec3};
+use glam::DMat4;
 use kiln_proto::{
     options::LightUnits,
     scene::{Light, LightShape, ShadowMap},
@@ -37,9 +37,14 @@ pub(super) struct Received {
     pub(super) maps: Vec<(u32, ShadowMap)>,
 }
 
-/// Whether a node is a light that can be a camera.
+/// Whether a node is a light that throws shadows.
 pub(super) fn is_light(node: NodeRef<'_>) -> bool {
-    matches!(node.kind(), "DirectionalLight" | "PointLight" | "SpotLight")
+    can_project(node) || node.kind() == "PointLight"
+}
+
+/// Whether a node is a light that looks one way, so that it can project a texture (Kamburelis 4.5).
+pub(super) fn can_project(node: NodeRef<'_>) -> bool {
+    matches!(node.kind(), "DirectionalLight" | "SpotLight")
 }
 
 impl Lights {
@@ -74,13 +79,13 @@ impl Lights {
     /// What an appearance and its GeneratedShadowMap textures ask for.
     pub(super) fn received(
         &mut self,
-        appearance: Option<NodeRef<'_>>,
+        appearance: NodeRef<'_>,
         maps: &[NodeRef<'_>],
         units: LightUnits,
         findings: &mut Findings,
     ) -> Received {
         let mut received = Received::default();
-        for node in appearance.iter().flat_map(|a| a.children("receiveShadows")) {
+        for node in appearance.children("receiveShadows") {
             if is_light(node) {
                 received.lights.extend(self.of_node(node, units, findings));
             } else {
@@ -129,8 +134,9 @@ fn complete(light: &mut Light, casters: Bounds, receivers: Bounds) {
         && p.automatic & RECTANGLE != 0
     {
         let direction = wide(direction);
-        if wide(p.location) == DVec3::ZERO {
+        if p.automatic & LOCATION != 0 {
             p.location = narrow(fit::location(direction, casters));
+            p.automatic &= !LOCATION;
         }
         p.rectangle = fit::rectangle(wide(p.location), direction, wide(p.up), casters).map(|v| v as f32);
         // A flat scene seen from its side has no extent: a camera needs some.

@@ -6,7 +6,7 @@ use glam::{DMat3, DMat4, DVec3, DVec4, Vec3};
 /// From the space of a node's children to that of the node; the identity for nodes that do not move what they hold.
 pub(super) fn local(node: NodeRef<'_>) -> DMat4 {
     match node.kind() {
-        "Transform" | "CADPart" => placed(node),
+        "Transform" | "EspduTransform" | "CADPart" | "HAnimHumanoid" | "HAnimJoint" | "HAnimSite" => placed(node),
         "MatrixTransform" => matrix(node.matrix4("matrix")),
         _ => DMat4::IDENTITY,
     }

@@ -3,61 +3,97 @@
 //! A texture multiplies the colour beneath it, also where X3D 3 lets an RGB texture replace the material's: that is what version 4 of the
 //! standard says and what browsers do.
 
-use super::coordinates::{Coordinates, Source};
+use super::{
+    coordinates::{Coordinates, Source},
+    pixels::pixels,
+};
 use crate::import::{
-    Bundle,
-    bundle::Found,
+    Bundle, bundle,
     findings::{At, Findings},
     images::{Image, Images, Wanted},
     uri,
-    x3d::NodeRef,
+    x3d::{self, NodeId, NodeRef},
 };
 use crate::records::Problem;
 use kiln_proto::{
-    limits, math,
-    scene::{Coding, LayerMode, Mapping, Texture, TextureRef, Wrap},
+    math,
+    scene::{Coding, LayerMode, Mapping, TextureRef, Wrap},
 };
-use std::collections::BTreeMap;
+use std::{collections::BTreeMap, rc::Rc};
+
+/// Layers of one MultiTexture: twice what the texture units of most graphics hardware hold.
+const MOST_LAYERS: usize = 16;
 
 /// One texture of an appearance with what the scene makes of it.
+#[derive(Clone, Copy)]
 pub(super) struct Layer<'d> {
     /// The texture, with its coordinates still to be joined.
     pub(super) image: Image,
     pub(super) texture: TextureRef,
+    /// The `alphaChannel` of its node.
+    pub(super) channel: &'d str,
     pub(super) source: Source<'d>,
     pub(super) mode: LayerMode,
 }
 
 /// What the `texture` field of an appearance holds.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub(super) struct Stack<'d> {
     /// Layers in order.
     pub(super) layers: Vec<Layer<'d>>,
     /// GeneratedShadowMap nodes.
-    pub(super) shadow_maps: Vec<NodeRef<'d>>,
+    pub(super) shadow_maps: Rc<[NodeRef<'d>]>,
 }
 
-/// The textures of a document.
-pub(super) struct Textures<'b> {
+/// A stack without coordinates, with the place of each layer among the textures of its node.
+#[derive(Default)]
+struct Sheaf<'d> {
+    layers: Vec<(usize, Layer<'d>)>,
+    shadow_maps: Rc<[NodeRef<'d>]>,
+}
+
+/// What a texture node comes to; `None` where it has no image, which is said.
+type Found = Option<(Image, TextureRef)>;
+
+/// The textures of a document. What has been looked at is remembered, so that a fault is told once however many shapes share the node.
+pub(super) struct Textures<'b, 'd> {
     bundle: &'b Bundle,
     pub(super) images: Images,
-    pixels: BTreeMap<(crate::import::x3d::NodeId, bool), Option<Image>>,
+    pixels: BTreeMap<(NodeId, bool), Option<Image>>,
+    /// By texture, transform and whether its bytes are linear.
+    known: BTreeMap<(NodeId, Option<NodeId>, bool), Found>,
+    /// By texture and transform.
+    sheaves: BTreeMap<(NodeId, Option<NodeId>), Rc<Sheaf<'d>>>,
 }
 
-impl<'b> Textures<'b> {
+impl<'b, 'd> Textures<'b, 'd> {
     pub(super) fn new(bundle: &'b Bundle) -> Self {
-        Self { bundle, images: Images::default(), pixels: BTreeMap::new() }
+        Self { bundle, images: Images::default(), pixels: BTreeMap::new(), known: BTreeMap::new(), sheaves: BTreeMap::new() }
     }
 
     /// The stack of an appearance's `texture` field.
-    pub(super) fn stack<'d>(
+    pub(super) fn stack(
         &mut self,
         node: NodeRef<'d>,
         transform: Option<NodeRef<'d>>,
         coordinates: &Coordinates<'d>,
         findings: &mut Findings,
     ) -> Stack<'d> {
-        let mut stack = Stack::default();
+        let key = (node.id(), transform.map(NodeRef::id));
+        let sheaf = match self.sheaves.get(&key) {
+            Some(known) => Rc::clone(known),
+            None => {
+                let made = Rc::new(self.sheaf(node, transform, findings));
+                self.sheaves.insert(key, Rc::clone(&made));
+                made
+            }
+        };
+        let layers = sheaf.layers.iter().map(|(place, layer)| Layer { source: coordinates.at(*place), ..*layer }).collect();
+        Stack { layers, shadow_maps: Rc::clone(&sheaf.shadow_maps) }
+    }
+
+    fn sheaf(&mut self, node: NodeRef<'d>, transform: Option<NodeRef<'d>>, findings: &mut Findings) -> Sheaf<'d> {
+        let (mut layers, mut shadow_maps) = (vec![], vec![]);
         let (nodes, modes): (Vec<_>, _) = if node.kind() == "MultiTexture" {
             if !node.mf_string("function").is_empty() || node.mf_string("source").iter().any(|s| !s.is_empty()) {
                 findings.count(node.at(), "MultiTexture.function and .source are not supported, layers take the colour beneath them");
@@ -68,28 +104,40 @@ impl<'b> Textures<'b> {
         };
         for (place, texture) in nodes.into_iter().enumerate() {
             if texture.kind() == "GeneratedShadowMap" {
-                stack.shadow_maps.push(texture);
+                shadow_maps.push(texture);
+                continue;
+            }
+            if layers.len() >= MOST_LAYERS {
+                findings.warn_once(
+                    node.at(),
+                    &format!("layers {:?}", node.place()),
+                    format!("{} has more than {MOST_LAYERS} textures; the first {MOST_LAYERS} count", node.kind()),
+                );
                 continue;
             }
             let Some(mode) = mode(modes.get(place).map_or("MODULATE", |m| m), node.at_field("mode"), findings) else { continue };
-            let source = coordinates.at(place);
-            if let Some((image, reference)) = self.texture(texture, transform_at(transform, place), Coding::Srgb, true, findings) {
-                stack.layers.push(Layer { image, texture: reference, source, mode });
+            if let Some((image, reference)) = self.texture(texture, transform_at(transform, place), Coding::Srgb, findings) {
+                let channel = texture.string("alphaChannel");
+                layers.push((place, Layer { image, texture: reference, channel, source: Source::Automatic, mode }));
             }
         }
-        stack
+        Sheaf { layers, shadow_maps: shadow_maps.into() }
     }
 
     /// The texture of one node; `None` where it has none, which is said.
-    pub(super) fn texture(
-        &mut self,
-        node: NodeRef<'_>,
-        transform: Option<NodeRef<'_>>,
-        coding: Coding,
-        alpha: bool,
-        findings: &mut Findings,
-    ) -> Option<(Image, TextureRef)> {
-        let wanted = Wanted { coding, alpha: alpha && node.string("alphaChannel") != "NONE" };
+    pub(super) fn texture(&mut self, node: NodeRef<'_>, transform: Option<NodeRef<'_>>, coding: Coding, findings: &mut Findings) -> Found {
+        let key = (node.id(), transform.map(NodeRef::id), coding == Coding::Linear);
+        if let Some(known) = self.known.get(&key) {
+            return *known;
+        }
+        let made = self.look_up(node, transform, coding, findings);
+        self.known.insert(key, made);
+        made
+    }
+
+    fn look_up(&mut self, node: NodeRef<'_>, transform: Option<NodeRef<'_>>, coding: Coding, findings: &mut Findings) -> Found {
+        // Colours alone have an opacity; numbers in a texture have none.
+        let wanted = Wanted { coding, alpha: coding == Coding::Srgb && node.string("alphaChannel") != "NONE" };
         let image = match node.kind() {
             "ImageTexture" => self.file(node, wanted, findings)?,
             "PixelTexture" => self.pixel_texture(node, wanted, findings)?,
@@ -119,14 +167,14 @@ impl<'b> Textures<'b> {
             findings.warn(at, "ImageTexture has no url; the shape is baked without");
             return None;
         }
-        for url in urls {
+        for (number, url) in urls.iter().enumerate() {
             let url = url.trim();
             if uri::is_data(url) {
-                return self.data(&url[5..], wanted, at, node, findings);
+                return self.data(&url[5..], number, wanted, node, findings);
             }
-            match self.bundle.find(from, &uri::decoded(url)).or_else(|| self.bundle.find(from, url)) {
-                Some(Found::Exact(path)) => return self.images.file(self.bundle, path, wanted, at, findings),
-                Some(Found::Near(path)) => {
+            match x3d::find(self.bundle, from, url) {
+                Some(bundle::Found::Exact(path)) => return self.images.file(self.bundle, path, wanted, at, findings),
+                Some(bundle::Found::Near(path)) => {
                     findings.warn(at, format!("the image `{url}` is not in the bundle; `{path}` is used instead"));
                     return self.images.file(self.bundle, path, wanted, at, findings);
                 }
@@ -138,10 +186,11 @@ impl<'b> Textures<'b> {
         None
     }
 
-    /// An image inside the file, told from others by its place.
-    fn data(&mut self, data: &str, wanted: Wanted, at: At<'_>, node: NodeRef<'_>, findings: &mut Findings) -> Option<Image> {
-        let place = node.place();
-        let name = format!("{}:{}:{}", node.file_of("url"), place.line, place.column);
+    /// An image inside the file, told from others by the place of the value, which instances of a prototype have each to themselves, and its
+    /// number there.
+    fn data(&mut self, data: &str, number: usize, wanted: Wanted, node: NodeRef<'_>, findings: &mut Findings) -> Option<Image> {
+        let (at, place) = (node.at_field("url"), node.place_of("url"));
+        let name = format!("{}:{}:{}:{number}", node.file_of("url"), place.line, place.column);
         self.images.bytes(&name, wanted, at, findings, || match uri::data(data) {
             Ok(bytes) => Ok(bytes.into()),
             Err(message) => Err(Problem { message, file: Some(node.file_of("url").to_string()), line: Some(place.line) }),
@@ -161,35 +210,6 @@ impl<'b> Textures<'b> {
         self.pixels.insert(key, image);
         image
     }
-}
-
-/// The texture of an SFImage: width, height, components, then a number per pixel from the lower left.
-fn pixels(node: NodeRef<'_>, coding: Coding, name: String, findings: &mut Findings) -> Option<Texture> {
-    let numbers = node.mf_int("image");
-    let &[w, h, components, ref rest @ ..] = numbers else { return None };
-    let (width, height) = (u32::try_from(w).ok()?, u32::try_from(h).ok()?);
-    let count = u64::from(width) * u64::from(height);
-    if count == 0 {
-        findings.warn(node.at(), "PixelTexture has no pixels; the shape is baked without");
-        return None;
-    }
-    if !(1..=4).contains(&components) || count > limits::TEXTURE_PIXELS || rest.len() as u64 != count {
-        let message = format!("PixelTexture is {width}x{height} with {components} components but has {} pixels", rest.len());
-        findings.error(node.at_field("image"), message);
-        return None;
-    }
-    let has_alpha = components % 2 == 0;
-    let mut texels = Vec::with_capacity(rest.len() * if has_alpha { 4 } else { 3 });
-    for pixel in rest {
-        let [a, b, c, d] = pixel.to_be_bytes();
-        match components {
-            1 => texels.extend([d, d, d]),
-            2 => texels.extend([c, c, c, d]),
-            3 => texels.extend([b, c, d]),
-            _ => texels.extend([a, b, c, d]),
-        }
-    }
-    Some(Texture { name, width, height, coding, has_alpha, texels })
 }
 
 fn transform_at(node: Option<NodeRef<'_>>, place: usize) -> Option<NodeRef<'_>> {

@@ -70,16 +70,16 @@ impl View {
     }
 }
 
-/// The matrix of a light, whose projection is complete.
-pub(super) fn light_matrix(light: &Light) -> [[f32; 4]; 4] {
+/// The matrix of a light, whose projection is complete; `None` for a point light, which looks nowhere in particular.
+pub(super) fn light_matrix(light: &Light) -> Option<[[f32; 4]; 4]> {
     let p = &light.projection;
     let (near, far) = (f64::from(p.near), f64::from(p.far));
     let (forward, clip) = match light.shape {
         LightShape::Directional { direction } => (direction, orthographic(p.rectangle.map(f64::from), near, far)),
         LightShape::Spot { direction, .. } => (direction, perspective(f64::from(p.angle), 1.0, near, far)),
-        LightShape::Point { .. } => ([0.0, 0.0, -1.0], perspective(std::f64::consts::FRAC_PI_2, 1.0, near, far)),
+        LightShape::Point { .. } => return None,
     };
-    View { eye: space::wide(p.location), forward: space::wide(forward), up: space::wide(p.up), clip }.rows()
+    Some(View { eye: space::wide(p.location), forward: space::wide(forward), up: space::wide(p.up), clip }.rows())
 }
 
 /// The matrix of a viewpoint. The bound one has the aspect of the picture, any other projects with its field of view along both axes.

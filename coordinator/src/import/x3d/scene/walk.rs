@@ -53,6 +53,8 @@ struct Walk<'d, 'f> {
 
 /// Visits of one walk: instances of nodes, not nodes. A hundred lines can stand for any number; a million takes a tenth of a second.
 const MAX_STEPS: u64 = 1 << 20;
+/// Viewpoints that become cameras.
+const MAX_VIEWPOINTS: usize = 1000;
 
 impl<'d> World<'d> {
     /// Walks a document from its roots.
@@ -62,8 +64,11 @@ impl<'d> World<'d> {
         let root = Place { matrix: DMat4::IDENTITY, group: 0, name: None };
         for node in document.roots() {
             if !walk.visit(node, root) {
-                let message =
-                    format!("the scene stands for more than {MAX_STEPS} nodes, {} shapes or {} lights", limits::SURFACES, limits::LIGHTS);
+                let message = format!(
+                    "the scene stands for more than {MAX_STEPS} nodes, {} shapes or inlined files, or {} lights",
+                    limits::SURFACES,
+                    limits::LIGHTS
+                );
                 walk.findings.error(node.at(), message);
                 break;
             }
@@ -71,13 +76,16 @@ impl<'d> World<'d> {
         walk.world
     }
 
-    /// Whether `group` is `ancestor` or inside it.
-    pub(super) fn is_inside(&self, mut group: Group, ancestor: Group) -> bool {
+    /// The group itself and all around it, ascending.
+    pub(super) fn around(&self, mut group: Group) -> Vec<Group> {
+        let mut around = vec![group];
         // A group's number is above that of the group around it.
-        while group > ancestor {
+        while group > 0 {
             group = self.parents[group as usize];
+            around.push(group);
         }
-        group == ancestor
+        around.reverse();
+        around
     }
 }
 
@@ -86,7 +94,8 @@ impl<'d> Walk<'d, '_> {
     fn visit(&mut self, node: NodeRef<'d>, place: Place<'d>) -> bool {
         self.steps += 1;
         let world = &mut self.world;
-        if self.steps > MAX_STEPS || world.shapes.len() > limits::SURFACES || world.lights.len() > limits::LIGHTS {
+        let surfaces = world.shapes.len().max(world.files.len());
+        if self.steps > MAX_STEPS || surfaces > limits::SURFACES || world.lights.len() > limits::LIGHTS {
             return false;
         }
         let placed = || Placed { node, matrix: place.matrix, group: place.group, name: node.def().or(place.name) };
@@ -94,6 +103,9 @@ impl<'d> Walk<'d, '_> {
             "Shape" => world.shapes.push(placed()),
             "DirectionalLight" | "PointLight" | "SpotLight" => world.lights.push(placed()),
             "EnvironmentLight" => self.findings.count(node.at(), "EnvironmentLight nodes were skipped: give an environment map instead"),
+            "Viewpoint" | "OrthoViewpoint" if world.viewpoints.len() >= MAX_VIEWPOINTS => {
+                self.findings.count(node.at(), "viewpoints beyond the first thousand were left out");
+            }
             "Viewpoint" | "OrthoViewpoint" => world.viewpoints.push(placed()),
             "NavigationInfo" | "KambiNavigationInfo" | "Background" | "TextureBackground" | "Fog" | "LocalFog" => {
                 world.bindables.push(node);
@@ -104,40 +116,78 @@ impl<'d> Walk<'d, '_> {
     }
 
     fn descend(&mut self, node: NodeRef<'d>, place: Place<'d>) -> bool {
-        if node.has("visible") && !node.bool("visible") {
-            self.findings.count(node.at(), "groups that are not visible were left out");
+        if is_hidden(node) {
+            self.findings.count(node.at(), HIDDEN);
             return true;
         }
         let group = self.world.parents.len() as Group;
         let inner = Place { matrix: place.matrix * space::local(node), group, name: node.def().or(place.name) };
-        let children: Vec<NodeRef<'d>> = match node.kind() {
-            "Switch" => usize::try_from(node.int("whichChoice")).ok().and_then(|i| node.children("children").nth(i)).into_iter().collect(),
-            "LOD" => {
-                if node.children("children").nth(1).is_some() {
-                    self.findings.count(node.at(), "LOD nodes show their first level");
-                }
-                node.children("children").take(1).collect()
+        let children = match node.inlined() {
+            Some(Inlined::Nodes(roots)) => roots.iter().map(|id| self.document.node(*id)).collect(),
+            Some(Inlined::File(path)) => {
+                let placed = Placed { node, matrix: inner.matrix, group, name: inner.name };
+                self.world.files.push((placed, path.clone()));
+                vec![]
             }
-            "CADFace" => node.node("shape").into_iter().collect(),
-            "Billboard" => {
-                self.findings.count(node.at(), "Billboard nodes were baked as they stand, not turned to a viewer");
-                node.children("children").collect()
-            }
-            _ => match node.inlined() {
-                Some(Inlined::Nodes(roots)) => roots.iter().map(|id| self.document.node(*id)).collect(),
-                Some(Inlined::File(path)) => {
-                    let placed = Placed { node, matrix: inner.matrix, group, name: inner.name };
-                    self.world.files.push((placed, path.clone()));
-                    vec![]
-                }
-                None => node.children("children").collect(),
-            },
+            None => self.shown(node),
         };
         if children.is_empty() && self.world.files.last().is_none_or(|(f, _)| f.group != group) {
             return true;
         }
         self.world.parents.push(place.group);
         children.into_iter().all(|child| self.visit(child, inner))
+    }
+
+    /// What of a group is baked.
+    fn shown(&mut self, node: NodeRef<'d>) -> Vec<NodeRef<'d>> {
+        let children = || node.children("children");
+        match node.kind() {
+            "Switch" => usize::try_from(node.int("whichChoice")).ok().and_then(|i| children().nth(i)).into_iter().collect(),
+            "LOD" => {
+                if children().nth(1).is_some() {
+                    self.findings.count(node.at(), "LOD nodes show their first level");
+                }
+                children().take(1).collect()
+            }
+            "HAnimHumanoid" => {
+                if node.node("skin").is_some() {
+                    self.findings.count(node.at(), "skins of humanoids were baked as their points stand, whatever the pose of the joints");
+                }
+                node.children("skeleton").chain(node.children("skin")).collect()
+            }
+            // X3D 3 has a list for the children of a CADLayer, X3D 4 one word for all.
+            "CADLayer" if node.mf_int("visible").len() > 1 => {
+                let hidden = |at: usize| node.mf_int("visible").get(at).is_some_and(|v| *v == 0);
+                let (left, shown): (Vec<_>, Vec<_>) = children().enumerate().partition(|(at, _)| hidden(*at));
+                left.iter().for_each(|(_, n)| self.findings.count(n.at(), HIDDEN));
+                shown.into_iter().map(|(_, n)| n).collect()
+            }
+            "LayerSet" => {
+                self.findings.count(node.at(), "layers were baked as one scene: none is drawn over another");
+                let order = node.mf_int("order");
+                // Layer 0 is what stands beside the LayerSet.
+                let (shown, left): (Vec<_>, Vec<_>) =
+                    (1..).zip(node.children("layers")).partition(|(number, _): &(i32, _)| order.contains(number));
+                left.iter().for_each(|(_, n)| self.findings.count(n.at(), HIDDEN));
+                shown.into_iter().map(|(_, n)| n).collect()
+            }
+            "CADFace" => node.node("shape").into_iter().collect(),
+            "Billboard" => {
+                self.findings.count(node.at(), "Billboard nodes were baked as they stand, not turned to a viewer");
+                children().collect()
+            }
+            _ => children().collect(),
+        }
+    }
+}
+
+/// What is said of groups that are left out because they are told not to be seen.
+const HIDDEN: &str = "groups that are not visible were left out";
+
+fn is_hidden(node: NodeRef<'_>) -> bool {
+    match node.kind() {
+        "CADLayer" => node.mf_int("visible") == [0],
+        _ => node.has("visible") && !node.bool("visible"),
     }
 }
 

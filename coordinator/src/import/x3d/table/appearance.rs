@@ -51,13 +51,14 @@ Material in material : Lit
   SFFloat    [in,out] mirror 0
   SFBool     [in,out] fogImmune FALSE
 PhysicalMaterial in material : Lit
-  SFColor    [in,out] baseColor 1 1 1
-  SFNode     [in,out] baseTexture NULL
+  SFColor    [in,out] baseColor|baseColorFactor 1 1 1
+  SFNode     [in,out] baseTexture|baseColorTexture NULL
   SFString   [in,out] baseTextureMapping
-  SFFloat    [in,out] metallic 1
-  SFNode     [in,out] metallicRoughnessTexture NULL
+  SFColor    [in,out] emissiveColor|emissiveFactor 0 0 0
+  SFFloat    [in,out] metallic|metallicFactor 1
+  SFNode     [in,out] metallicRoughnessTexture|roughnessMetallicTexture NULL
   SFString   [in,out] metallicRoughnessTextureMapping
-  SFFloat    [in,out] roughness 1
+  SFFloat    [in,out] roughness|roughnessFactor 1
 UnlitMaterial in material : AnyMaterial
   SFColor    [in,out] emissiveColor 1 1 1
 TwoSidedMaterial in material : Node
@@ -146,13 +147,35 @@ MultiGeneratedTextureCoordinate in texCoord : Node
 ProjectedTextureCoordinate in texCoord : Node Mapping
   SFNode     [in,out] projector NULL
 
-ComposedShader in shaders : Node
+abstract Shader : Node
   SFBool     [in] activate
   SFBool     [out] isSelected
   SFBool     [out] isValid
   SFString   [] language
+ComposedShader in shaders : Shader
   MFNode     [in,out] parts []
   SFBool     [in,out] suppressFog FALSE
+PackagedShader in shaders : Shader Address
+ProgramShader in shaders : Shader
+  MFNode     [in,out] programs []
+ShaderProgram in programs : Node Address
+  SFString   [] type "VERTEX"
+CommonSurfaceShader in shaders : Shader
+  SFFloat    [in,out] alphaFactor 1
+  SFColor    [in,out] ambientFactor 0.2 0.2 0.2
+  SFColor    [in,out] diffuseFactor 0.8 0.8 0.8
+  SFNode     [in,out] diffuseTexture NULL
+  SFColor    [in,out] emissiveFactor 0 0 0
+  SFNode     [in,out] emissiveTexture NULL
+  SFNode     [in,out] normalTexture NULL
+  SFFloat    [in,out] shininessFactor 0.2
+  SFColor    [in,out] specularFactor 0 0 0
+  SFNode     [in,out] specularTexture NULL
+SurfaceShaderTexture in texture : Texture
+  SFString   [in,out] channelMask "DEFAULT"
+  SFNode     [in,out] texture NULL
+  SFInt32    [in,out] textureCoordinatesId 0
+  SFNode     [in,out] textureTransform NULL
 ShaderPart in parts : Node Address
   SFString   [] type "VERTEX"
   SFString   [] sourceCode

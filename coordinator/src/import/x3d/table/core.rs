@@ -1,4 +1,4 @@
-//! Core, grouping, networking, CAD and information nodes (ISO/IEC 19775-1: 7, 9, 10, 32; VRML97: 6; Castle's MatrixTransform).
+//! Core, grouping, networking, CAD and information nodes (ISO/IEC 19775-1: 7, 9, 10, 32, 35; VRML97: 6; Castle's MatrixTransform).
 
 /// See the head of `table`.
 pub(super) const NODES: &str = r#"
@@ -29,7 +29,11 @@ abstract Placed
 
 Group in children : Grouping
 StaticGroup in children : Grouping
+PickableGroup in children : Grouping
+  MFString   [in,out] objectType "ALL"
+  SFBool     [in,out] pickable TRUE
 Transform in children : Grouping Placed
+EspduTransform in children : Grouping Placed
 MatrixTransform in children : Grouping
   SFMatrix4f [in,out] matrix 1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1
 Switch in children : Child Bounded
@@ -60,8 +64,17 @@ KambiInline in children : Child Bounded Address
   SFBool     [in,out] global FALSE
   MFString   [in,out] replaceNames []
   MFNode     [in,out] replaceNodes []
+LayerSet in children : Child
+  SFInt32    [in,out] activeLayer 0
+  MFNode     [in,out] layers []
+  MFInt32    [in,out] order 0
+Layer in layers : Grouping
+  MFString   [in,out] objectType "ALL"
+  SFBool     [in,out] pickable|isPickable TRUE
+  SFNode     [in,out] viewport NULL
 CADLayer in children : Grouping
   SFString   [in,out] name
+  MFBool     [in,out] visible TRUE
 CADAssembly in children : Grouping
   SFString   [in,out] name
 CADPart in children : Grouping Placed

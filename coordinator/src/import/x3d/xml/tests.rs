@@ -44,6 +44,32 @@ fn pages_of_html_around_a_scene_are_passed_by() {
     assert!(dump(&document).contains("Box"));
 }
 
+/// A browser hands a page out with all names in small letters.
+#[test]
+fn pages_of_html_write_names_without_capitals() {
+    let page = |head: &str| {
+        format!(
+            "{head}<scene><transform def='T' translation='1 2 3'><shape><indexedfaceset def='F' coordindex='0 1 2' creaseangle='2'></indexedfaceset></shape></transform>
+<shape><indexedfaceset use='F' containerfield='geometry'></indexedfaceset></shape><timesensor def='C'></timesensor><positioninterpolator def='I'></positioninterpolator>
+<route fromnode='C' fromfield='fraction_changed' tonode='I' tofield='set_fraction'></route><odd></odd></scene></x3d>"
+        )
+    };
+    let outcome = outcome_of(&[("a", page("<x3d>").as_bytes())], None);
+    assert_eq!(
+        outcome.warnings,
+        [
+            "a:1: column 13: nodes written in other capitals than X3D's, as pages of HTML have them, were read as X3D's: 6, the first here",
+            "a:3: column 92: the node `odd` is unknown and was skipped: 1, here",
+        ]
+    );
+    let document = outcome.document.unwrap();
+    let roots: Vec<_> = document.roots().collect();
+    assert_eq!((roots[0].def(), roots[0].vec3("translation"), document.routes.len()), (Some("T"), [1.0, 2.0, 3.0], 1));
+    let face = roots[0].node("children").unwrap().node("geometry").unwrap();
+    assert_eq!((face.mf_int("coordIndex"), face.float("creaseAngle")), (&[0, 1, 2][..], 2.0));
+    assert_eq!(roots[1].node("geometry").unwrap().id(), face.id());
+}
+
 #[test]
 fn document_types_are_allowed_and_not_fetched() {
     let text = "<?xml version='1.0'?><!DOCTYPE X3D PUBLIC 'ISO//Web3D//DTD X3D 3.0//EN' 'file:///etc/passwd' [<!ENTITY one '1 1 1'>]>

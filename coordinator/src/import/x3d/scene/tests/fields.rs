@@ -2,7 +2,7 @@
 
 use super::{Node, Value::*, *};
 use kiln_proto::{
-    options::{LightUnits, OutsideMap, ProjectorMode, ShadowMode},
+    options::{LightUnits, OutsideMap, ShadowMode},
     scene::{Falloff, Light, LightShape, Projection, ShadowCompare, ShadowMap, ShadowUpdate, SpotProfile},
     units::Rgb,
 };
@@ -106,6 +106,18 @@ fn a_viewpoint_without_height_is_left_out() {
     assert!(view("-1 1 1 1").is_empty() && view("-1 -3e38 1 3e38").is_empty());
 }
 
+/// The place is asked of the file's numbers, not of where the light's group has moved them.
+#[test]
+fn a_directional_light_without_a_place_has_none_in_a_moved_group() {
+    let moved = |light| node("Transform", [("translation", One("50 0 0")), ("children", Children(vec![light, shape(vec![])]))]);
+    let p = scene_of(&[moved(node("DirectionalLight", []))]).lights[0].projection;
+    assert_eq!((p.location, p.rectangle), ([47.0, -3.0, 3.0], [2.0, 2.0, 4.0, 4.0]));
+    assert_eq!((p.near, p.far, p.automatic), (1.0, 8.0, 7));
+    // One that its author put where the world has its origin stays there.
+    let p = scene_of(&[moved(node("DirectionalLight", [("projectionLocation", One("-50 0 0"))]))]).lights[0].projection;
+    assert_eq!((p.location, p.rectangle), ([0.0; 3], [49.0, -1.0, 51.0, 1.0]));
+}
+
 #[test]
 fn spot_angle_is_the_field_of_view() {
     assert_eq!(projection("SpotLight", "projectionAngle", "0.6").angle, 0.6);
@@ -203,68 +215,4 @@ fn a_light_that_is_not_global_shines_on_its_group_only() {
     let scene = scene_of(&[inside, outside, node("PointLight", [])]);
     let unlit: Vec<_> = scene.surfaces.iter().map(|s| s.parts[0].unlit_by.clone()).collect();
     assert_eq!(unlit, [vec![], vec![0]]);
-}
-
-fn projected(projector: Node) -> Vec<Node> {
-    let texture = node("PixelTexture", [("image", One("2 1 3 0xff0000 0x00ff00"))]);
-    let quad = node(
-        "IndexedFaceSet",
-        [
-            ("coordIndex", Many("0 1 2 3 -1")),
-            ("coord", Child(node("Coordinate", [("point", Many("-1 -1 0 1 -1 0 1 1 0 -1 1 0"))]))),
-            ("texCoord", Child(node("ProjectedTextureCoordinate", [("projector", Child(projector))]))),
-        ],
-    );
-    let material = node("Material", []);
-    let appearance = node("Appearance", [("material", Child(material)), ("texture", Child(texture))]);
-    vec![node("PointLight", []), node("Shape", [("appearance", Child(appearance)), ("geometry", Child(quad))])]
-}
-
-fn look_up(scene: &Scene, p: [f32; 3]) -> [f32; 2] {
-    let m = &scene.projectors[0].matrix;
-    let [s, t, _, q] = m.map(|r| r[0] * p[0] + r[1] * p[1] + r[2] * p[2] + r[3]);
-    assert!(q > 0.0);
-    [s / q, t / q]
-}
-
-#[test]
-fn each_kind_of_projector_projects() {
-    let spot = node("SpotLight", [("location", One("0 0 2")), ("projectionAngle", One("1.5707963"))]);
-    let directional = node("DirectionalLight", [("projectionLocation", One("0 0 2")), ("projectionRectangle", One("-2 -2 2 2"))]);
-    let view = node("Viewpoint", [("position", One("0 0 2")), ("fieldOfView", One("1.5707963"))]);
-    for (projector, is_light) in [(spot, true), (directional, true), (view, false)] {
-        let scene = scene_of(&projected(projector.clone()));
-        let found = look_up(&scene, [1.0, -1.0, 0.0]);
-        assert!((found[0] - 0.75).abs() < 1e-5 && (found[1] - 0.25).abs() < 1e-5, "{}: {found:?}", projector.kind);
-        assert_eq!(scene.projectors[0].light.is_some(), is_light);
-        let lights: Vec<Rgb> = scene.lights.iter().map(|l| l.intensity).collect();
-        assert!(lights[1..].iter().all(|l| l.is_black()), "a light in `projector` does not shine");
-    }
-}
-
-#[test]
-fn the_bound_viewpoint_projects_with_the_aspect_of_the_picture() {
-    let bound = node("Viewpoint", [("position", One("0 0 2")), ("fieldOfView", One("1.5707963"))]).def("View");
-    let mut roots = vec![bound.clone()];
-    let mut rest = projected(bound);
-    if let Some((_, Child(geometry))) = rest[1].fields.last_mut() {
-        geometry.fields.pop();
-        let coordinate = node("ProjectedTextureCoordinate", [("projector", Use("Viewpoint", "View"))]);
-        geometry.fields.push(("texCoord", Child(coordinate)));
-    }
-    roots.append(&mut rest);
-    let scene = scene_of(&roots);
-    let found = look_up(&scene, [1.0, -1.0, 0.0]);
-    assert!((found[0] - (0.5 + 0.25 / (4.0 / 3.0))).abs() < 1e-5 && (found[1] - 0.25).abs() < 1e-5, "{found:?}");
-    assert_eq!(scene.cameras.len(), 1);
-}
-
-#[test]
-fn projectors_may_colour_their_light_instead() {
-    let spot = node("SpotLight", [("location", One("0 0 2"))]);
-    let options = ImportOptions { x3d_projectors: ProjectorMode::Light, ..ImportOptions::default() };
-    let scene = scene_with(&projected(spot), &options);
-    let texture = scene.lights[1].texture.unwrap();
-    assert_eq!(texture.mapping, kiln_proto::scene::Mapping::Projected { projector: 0 });
-    assert_eq!(scene.materials[0].textures().count(), 0, "the shape itself is not textured");
 }

@@ -172,18 +172,3 @@ fn what_is_not_baked_is_reported_by_name_and_an_empty_scene_says_why() {
         assert!(warnings.iter().any(|w| w.contains("headlight")), "{warnings:?}");
     }
 }
-
-/// A file that stands in two places is two surfaces of one material.
-#[test]
-fn an_inlined_file_is_read_once_and_stands_wherever_it_is_used() {
-    let main =
-        "#X3D V3.3 utf8\nPointLight { }\nDEF Chair Inline { url \"chair.obj\" }\nTransform { translation 5 0 0 children USE Chair }\n";
-    let chair = "mtllib m.mtl\no chair\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl wood\nf 1 2 3\n";
-    let files = [("a.x3dv", main), ("chair.obj", chair), ("m.mtl", "newmtl wood\nKd 0.5 0.25 0\n")];
-    let parts = files.map(|(name, text)| Part { name: name.into(), content: Content::Bytes(text.as_bytes().to_vec()) });
-    let bundle = Bundle::from_parts(parts.to_vec(), Some("a.x3dv"), &std::env::temp_dir()).unwrap();
-    let scene = import_bundle(&bundle, &ImportOptions::default()).unwrap().scene;
-    assert_eq!(scene.surfaces.iter().map(|s| s.name.as_str()).collect::<Vec<_>>(), ["chair", "chair-2"]);
-    assert_eq!((scene.materials.len(), scene.bounds()), (1, ([0.0; 3], [6.0, 1.0, 0.0])));
-    assert_eq!(phong(&scene).diffuse, Rgb::new(0.5, 0.25, 0.0));
-}

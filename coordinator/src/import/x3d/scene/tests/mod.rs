@@ -1,9 +1,16 @@
 //! Scenes written once and rendered in the three encodings, so that every field is seen to arrive from each of them.
 
+mod alpha;
+mod bounds;
+mod exporters;
 mod fields;
+mod inlined;
 mod looks;
+mod projected;
 
 use crate::import::{Bundle, Content, Part, import_bundle};
+use base64::{Engine, prelude::BASE64_STANDARD as STANDARD};
+use image::{ImageFormat, Rgba, RgbaImage};
 use kiln_proto::{options::ImportOptions, scene::Scene};
 
 /// A node of a test scene.
@@ -129,8 +136,13 @@ pub(super) fn files(roots: &[Node]) -> [(&'static str, String); 3] {
 
 /// Imports a text with these options: the scene and its warnings, or the errors.
 pub(super) fn import(name: &str, text: &str, options: &ImportOptions) -> Result<(Scene, Vec<String>), Vec<String>> {
-    let parts = vec![Part { name: name.into(), content: Content::Bytes(text.as_bytes().to_vec()) }];
-    let bundle = Bundle::from_parts(parts, Some(name), &std::env::temp_dir()).unwrap();
+    import_files(&[(name, text.as_bytes())], options)
+}
+
+/// Imports the first of some files, which may refer to the others.
+pub(super) fn import_files(files: &[(&str, &[u8])], options: &ImportOptions) -> Result<(Scene, Vec<String>), Vec<String>> {
+    let parts = files.iter().map(|(name, bytes)| Part { name: (*name).into(), content: Content::Bytes(bytes.to_vec()) }).collect();
+    let bundle = Bundle::from_parts(parts, Some(files[0].0), &std::env::temp_dir()).unwrap();
     let shown = |problems: &[crate::records::Problem]| problems.iter().map(ToString::to_string).collect::<Vec<_>>();
     import_bundle(&bundle, options).map(|i| (i.scene, shown(&i.warnings))).map_err(|e| shown(&e))
 }
@@ -166,4 +178,11 @@ pub(super) fn shape(appearance: Vec<(&'static str, Value)>) -> Node {
     let material = ("material", Child(node("Material", [("diffuseColor", One("0.5 0.5 0.5"))])));
     let appearance = node("Appearance", std::iter::once(material).chain(appearance));
     node("Shape", [("appearance", Child(appearance)), ("geometry", Child(node("Box", [])))])
+}
+
+/// A PNG of one pixel as a data URI.
+pub(super) fn data_uri(pixel: [u8; 4]) -> String {
+    let mut png = std::io::Cursor::new(vec![]);
+    RgbaImage::from_pixel(1, 1, Rgba(pixel)).write_to(&mut png, ImageFormat::Png).unwrap();
+    format!("data:image/png;base64,{}", STANDARD.encode(png.into_inner()))
 }

@@ -1,0 +1,81 @@
+//! Files of other formats, pictures in addresses, and instances that bring them.
+
+use super::{Value::*, *};
+use kiln_proto::{scene::Reflection, units::Rgb};
+
+const TRIANGLE: &[u8] = b"mtllib m.mtl\no chair\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl wood\nf 1 2 3\n";
+const WOOD: &[u8] = b"newmtl wood\nKd 0.5 0.25 0\n";
+
+/// A scene with an OBJ beside it.
+fn with_chair(main: &str) -> Scene {
+    let main = format!("#X3D V3.3 utf8\n{main}");
+    import_files(&[("a.x3dv", main.as_bytes()), ("chair.obj", TRIANGLE), ("m.mtl", WOOD)], &ImportOptions::default()).unwrap().0
+}
+
+/// A file that stands in two places is two surfaces of one material.
+#[test]
+fn an_inlined_file_is_read_once_and_stands_wherever_it_is_used() {
+    let scene = with_chair("PointLight { }\nDEF Chair Inline { url \"chair.obj\" }\nTransform { translation 5 0 0 children USE Chair }\n");
+    assert_eq!(scene.surfaces.iter().map(|s| s.name.as_str()).collect::<Vec<_>>(), ["chair", "chair-2"]);
+    assert_eq!((scene.materials.len(), scene.bounds()), (1, ([0.0; 3], [6.0, 1.0, 0.0])));
+    let Reflection::Phong(phong) = &scene.materials[0].reflection else { panic!() };
+    assert_eq!(phong.diffuse, Rgb::new(0.5, 0.25, 0.0));
+}
+
+#[test]
+fn an_inlined_file_is_lit_like_the_shapes_beside_it() {
+    let unlit = |main: &str| -> Vec<Vec<u32>> { with_chair(main).surfaces.iter().map(|s| s.parts[0].unlit_by.clone()).collect() };
+    let chair = "Inline { url \"chair.obj\" }";
+    let shape = "Shape { appearance Appearance { material Material { } } geometry Box { } }";
+    // Lights shine on their own group unless they are global; shapes come before files.
+    assert_eq!(unlit(&format!("PointLight {{ }} Group {{ children [ DirectionalLight {{ }} {shape} ] }} {chair}")), [vec![], vec![1]]);
+    assert_eq!(unlit(&format!("PointLight {{ }} {shape} Group {{ children [ DirectionalLight {{ }} {chair} ] }}")), [vec![1], vec![]]);
+    assert_eq!(unlit(&format!("Group {{ children DirectionalLight {{ global TRUE }} }} {chair}")), [vec![0u32; 0]]);
+}
+
+fn first_texels(scene: &Scene) -> Vec<Vec<u8>> {
+    scene.textures.iter().map(|t| t.texels.clone()).collect()
+}
+
+/// Each instance has the address that was given to it, also where a prototype hands it on to another.
+#[test]
+fn pictures_in_addresses_are_those_of_their_instances() {
+    let proto = "PROTO T [ field MFString url [ ] ] { Shape { appearance Appearance { material Material { } texture ImageTexture { url IS url } } geometry Box { } } }
+      PROTO Outer [ field MFString picture [ ] ] { Group { children T { url IS picture } } }";
+    let [red, green] = [[255, 0, 0, 255], [0, 255, 0, 255]].map(data_uri);
+    for (kind, field) in [("T", "url"), ("Outer", "picture")] {
+        let text = format!(
+            "#X3D V3.3 utf8\n{proto} PointLight {{ }} {kind} {{ {field} \"{red}\" }} Transform {{ translation 5 0 0 children {kind} {{ {field} [ \"{green}\" ] }} }}"
+        );
+        let scene = import("a.x3dv", &text, &ImportOptions::default()).unwrap().0;
+        assert_eq!(first_texels(&scene), [vec![255, 0, 0], vec![0, 255, 0]], "{kind}");
+    }
+}
+
+/// An address that a prototype hands on counts from the file in which it was written.
+#[test]
+fn addresses_that_are_handed_on_count_from_where_they_were_written() {
+    let library = b"#X3D V3.3 utf8\nPROTO T [ field MFString url [ ] ] { Shape { appearance Appearance { material Material { } texture ImageTexture { url IS url } } geometry Box { } } }
+PROTO Outer [ field MFString u [ ] ] { T { url IS u } }";
+    let main = b"#X3D V3.3 utf8\nEXTERNPROTO Outer [ field MFString u ] \"lib/l.x3dv#Outer\"\nPointLight { } Outer { u \"p.png\" }";
+    let png = |pixel: [u8; 4]| {
+        let uri = data_uri(pixel);
+        STANDARD.decode(uri.rsplit(',').next().unwrap()).unwrap()
+    };
+    let (mine, its) = (png([1, 2, 3, 255]), png([9, 9, 9, 255]));
+    let files: [(&str, &[u8]); 4] = [("a.x3dv", main), ("lib/l.x3dv", library), ("p.png", &mine), ("lib/p.png", &its)];
+    assert_eq!(first_texels(&import_files(&files, &ImportOptions::default()).unwrap().0), [[1, 2, 3]]);
+}
+
+/// Two addresses of one field are two pictures; the first that is there counts.
+#[test]
+fn a_missing_picture_is_told_once_however_many_shapes_share_it() {
+    let texture = |name: &'static str| node("ImageTexture", [("url", Texts(&["gone.png"]))]).def(name);
+    let first = shape(vec![("texture", Child(texture("Gone")))]);
+    let mut roots = vec![node("PointLight", []), first];
+    roots.extend((0..30).map(|_| shape(vec![("texture", Use("ImageTexture", "Gone"))])));
+    for errors in refusals(&roots) {
+        assert_eq!(errors.len(), 1, "{errors:?}");
+        assert!(errors[0].contains("`gone.png` is not in the bundle"), "{errors:?}");
+    }
+}
