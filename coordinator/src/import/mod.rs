@@ -20,6 +20,7 @@ mod statistics;
 mod surfaces;
 mod texture;
 mod two_sided;
+mod up;
 mod uri;
 mod weld;
 mod x3d;
@@ -75,6 +76,7 @@ fn import(bundle: &Bundle, options: &ImportOptions, findings: &mut Findings) -> 
         return None;
     }
     let mut scene = import_file(bundle, main, options, findings)?;
+    up::turn(&mut scene, options.up);
     if let Some(environment) = environment::import(bundle, options, findings) {
         scene.environment = Some(environment);
     }

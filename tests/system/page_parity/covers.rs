@@ -84,7 +84,8 @@ fn materials() -> Vec<Material> {
     ]
 }
 
-/// A wall with a ball before it, and another one opposite; before them a fence, two panes one behind the other, an amber one, a window and a leaf; above, a bead of glass.
+/// A wall with a ball before it, and another one opposite; before them a fence, two panes one behind the other, an amber one, a window and a leaf;
+/// above, a bead of glass.
 fn scene() -> Scene {
     let mut scene = Scene { materials: materials(), textures: textures(), ..Scene::empty() };
     let s = &mut scene;
