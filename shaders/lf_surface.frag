@@ -29,9 +29,9 @@ vec3 lfThesisTangent( vec3 n ) {
 	return vec3( 1.0 - n.x * n.x * k, - n.x, - n.x * n.z * k );
 }
 
-// Interpolated per fragment, then made orthogonal: the frame that the worker baked with.
-void lfFrame( out vec3 n, out vec3 t ) {
-	vec3 plane = cross( dFdx( vPosition ), dFdy( vPosition ) );
+// Interpolated per fragment, then made orthogonal: the frame that the worker baked with. `plane` is along the triangle's own normal.
+void lfFrame( out vec3 n, out vec3 t, out vec3 plane ) {
+	plane = cross( dFdx( vPosition ), dFdy( vPosition ) );
 	n = normalize( dot( vNormal, vNormal ) > 1e-12 ? vNormal : plane );
 	t = vTangent - n * dot( n, vTangent );
 	t = length( t ) >= LF_LEAST_TANGENT ? normalize( t ) : lfThesisTangent( n );
@@ -44,23 +44,26 @@ float lfGridLines( vec2 g ) {
 	return max( line.x, line.y ) * ( 1.0 - smoothstep( 0.12, 0.35, max( width.x, width.y ) ) );
 }
 
-// As it is displayed.
+// As it is displayed, in linear light: what is too bright for a display is cut when all that is seen has been added up.
 vec3 lfShade( vec3 radiance ) {
-	vec3 colour = lfCoded( radiance * lfExposure );
-	float line = lfTexelGrid > 0.0 ? lfGridLines( vUv * vec2( lfSize ) ) : 0.0;
-	return mix( colour, vec3( dot( colour, vec3( 0.33 ) ) > 0.5 ? 0.0 : 1.0 ), 0.6 * line );
+	vec3 light = radiance * lfExposure;
+	if ( lfTexelGrid <= 0.0 ) return light;
+	vec3 colour = lfCoded( light );
+	return lfLinear( mix( colour, vec3( dot( colour, vec3( 0.33 ) ) > 0.5 ? 0.0 : 1.0 ), 0.6 * lfGridLines( vUv * vec2( lfSize ) ) ) );
 }
 
 void main() {
-	vec3 n, t;
-	lfFrame( n, t );
+	vec3 n, t, plane;
+	lfFrame( n, t, plane );
 	vec3 toEye = normalize( vToEye );
 	vec3 w = vec3( dot( t, toEye ), dot( cross( n, t ), toEye ), dot( n, toEye ) );
 	float opacity = 1.0, alpha = lfOutput == 1 ? vChart : 1.0;
 #ifdef LF_COVER
 	opacity = lfOpacity();
 #if LF_COVER == 2
-	alpha = lfCovered( opacity, w.z );
+	// What goes straight through goes through the triangle itself, whatever its normals are smoothed to.
+	float flatness = length( plane );
+	alpha = lfCovered( opacity, flatness > 0.0 ? abs( dot( plane, toEye ) ) / flatness : w.z );
 #endif
 #endif
 	if ( lfOutput == 2 ) {
@@ -72,6 +75,6 @@ void main() {
 	// Where only part of the footprint is baked, its light is extended; where none is, the draft stands in.
 	if ( lfCover <= 0.0 && lfOutput != 1 ) radiance = lfDraft( vPosition, n, int( vPart ) );
 	if ( lfOutput != 1 ) radiance = lfShade( radiance );
-	if ( lfOutput == 3 ) radiance = lfLinear( radiance );
+	if ( lfOutput == 0 ) radiance = lfCoded( radiance );
 	outColor = vec4( radiance * opacity, alpha );
 }

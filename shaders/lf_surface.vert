@@ -12,8 +12,11 @@ in vec2 uv;
 in float chart;
 in float part;
 #ifdef LF_COVER
-in vec4 alphaAt;
-in vec4 passingAt;
+in vec4 coverAt;
+in vec3 alphaAt;
+in vec3 passingAt;
+in vec3 roughnessAt;
+in vec3 tintAt;
 #endif
 
 centroid out vec2 vUv;
@@ -24,8 +27,11 @@ out vec3 vTangent;
 flat out float vChart;
 flat out float vPart;
 #ifdef LF_COVER
-centroid out vec4 vAlphaAt;
-centroid out vec4 vPassingAt;
+centroid out vec4 vCoverAt;
+centroid out vec3 vAlphaAt;
+centroid out vec3 vPassingAt;
+centroid out vec3 vRoughnessAt;
+centroid out vec3 vTintAt;
 #endif
 
 // The depth pre-pass must find the very depths that this shader does.
@@ -40,8 +46,11 @@ void main() {
 	vChart = chart;
 	vPart = part;
 #ifdef LF_COVER
+	vCoverAt = coverAt;
 	vAlphaAt = alphaAt;
 	vPassingAt = passingAt;
+	vRoughnessAt = roughnessAt;
+	vTintAt = tintAt;
 #endif
 	gl_Position = projectionMatrix * modelViewMatrix * vec4( position, 1.0 );
 }

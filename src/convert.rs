@@ -21,7 +21,7 @@ use kiln_coordinator::{
     },
     records::Problem,
 };
-use kiln_proto::limits;
+use kiln_proto::{limits, options::UpAxis};
 use std::{
     io::Write,
     path::{Path, PathBuf},
@@ -158,6 +158,11 @@ fn x3d(args: &ConvertArgs, scene: &Collected, encoding: X3dEncoding) -> Result<C
     if format::detect(main.as_str(), &bytes) != Format::X3d {
         let message = "this is not X3D, and X3D is written of X3D only; give the output the ending .glb or .gltf";
         return Err(CommandError::usage(format!("{}: {message}", args.input.display())));
+    }
+    if scene.options.up != UpAxis::default() {
+        let message =
+            "--up turns a scene, and X3D that becomes X3D is left as its author wrote it; give the output the ending .glb or .gltf";
+        return Err(CommandError::usage(message));
     }
     let mut rewritten =
         import::rewrite_x3d(&scene.bundle, scene.options.time, args.lower_shadows, encoding).map_err(|p| api::rejected(&p))?;

@@ -3,7 +3,7 @@
 use crate::error::CommandError;
 use clap::Args;
 use kiln_coordinator::import::Bundle;
-use kiln_proto::options::{ImportOptions, LightUnits, OutsideMap, ProjectorMode, ShadowMode};
+use kiln_proto::options::{ImportOptions, LightUnits, OutsideMap, ProjectorMode, ShadowMode, UpAxis};
 use std::path::{Path, PathBuf};
 
 /// How scene files are read.
@@ -25,6 +25,9 @@ pub struct ImportArgs {
     /// Seconds at which animations are evaluated; the rest pose unless it is given
     #[arg(long, value_name = "SECONDS")]
     time: Option<f64>,
+    /// The axis of the file that points up; the scene is turned so that it is +Y: x, y (the default) or z
+    #[arg(long, value_name = "AXIS")]
+    up: Option<UpAxis>,
     /// What the numbers of X3D lights mean: x3d (the default) or physical
     #[arg(long, value_name = "UNITS")]
     light_units: Option<LightUnits>,
@@ -64,6 +67,7 @@ impl ImportArgs {
         let options = ImportOptions {
             main,
             time: self.time,
+            up: self.up.unwrap_or_default(),
             environment: self.environment.as_ref().map(add).transpose()?,
             environment_rotation: self.environment_rotation.unwrap_or_default(),
             environment_intensity: self.environment_intensity,

@@ -15,6 +15,8 @@ pub struct ImportOptions {
     /// Seconds at which animations are evaluated; absent: the rest pose.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub time: Option<f64>,
+    /// The axis of the file that points up.
+    pub up: UpAxis,
     /// The file of the bundle that is the environment: a lat-long map, Radiance HDR or OpenEXR.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub environment: Option<String>,
@@ -32,6 +34,19 @@ pub struct ImportOptions {
     pub x3d_projectors: ProjectorMode,
     /// What lies outside a directional shadow map.
     pub x3d_outside_map: OutsideMap,
+}
+
+/// The axis of a scene file that points up: it becomes +Y. glTF and X3D say that it is +Y, which not all of their files heed; OBJ says nothing.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum UpAxis {
+    /// +X.
+    X,
+    /// +Y: the scene is taken as it is.
+    #[default]
+    Y,
+    /// +Z.
+    Z,
 }
 
 /// What the numbers of X3D lights mean.
@@ -134,6 +149,7 @@ macro_rules! words {
         }
     };
 }
+words!(UpAxis, "axis that points up", "x" => X, "y" => Y, "z" => Z);
 words!(LightUnits, "light units", "x3d" => X3d, "physical" => Physical);
 words!(ShadowMode, "X3D shadows", "physical" => Physical, "strict" => Strict);
 words!(ProjectorMode, "X3D projectors", "surface" => Surface, "light" => Light);

@@ -27,6 +27,7 @@ function radiances(page, eye, points) {
 
 const near = (found, expected, within) => expected.every((v, c) => Math.abs(found[c] - v) <= within);
 const expect = (found, expected, what, within = 0.012) => check(near(found, expected, within), `${what}: ${found} instead of ${expected}`);
+const coded = (l) => 255 * (l <= 0.0031308 ? l * 12.92 : 1.055 * l ** (1 / 2.4) - 0.055);
 const over = (own, opacity, behind) => own.map((v, c) => v * opacity + behind[c] * (1 - opacity));
 
 async function picture(page, name) {
@@ -61,7 +62,6 @@ async function onScreen(page) {
     const own = (scale * bitmap.height) / 300;
     return [[-2, -0.2], [-3, 1.5]].map(([x, y]) => [...context.getImageData(bitmap.width / 2 + x * own, bitmap.height / 2 + y * own, 1, 1).data].slice(0, 3));
   }, SCALE);
-  const coded = (l) => 255 * (l <= 0.0031308 ? l * 12.92 : 1.055 * l ** (1 / 2.4) - 0.055);
   expect(glass, over([0.1, 0.1, 0.6], 0.25, WALL).map(coded), 'the glass on the screen', 3);
   expect(wall, WALL.map(coded), 'the wall on the screen', 3);
 }
@@ -84,6 +84,50 @@ async function picks(page) {
   check(String(found) === String(expected), `picked ${found} instead of ${expected}`);
   const model = await page.evaluate(() => document.querySelector('kiln-viewer').model.surfaces.map(({ name, backOf, parts }) => [name, backOf, parts.length]));
   check(JSON.stringify(model[5]) === '["leaf~back",4,1]' && model[6][2] === 2, `the model is ${JSON.stringify(model)}`);
+}
+
+/** The texels of the environment, seen from above the scene: looked up as docs/light-transport.md says, behind everything, and nothing to pick. */
+async function environment(page, picture) {
+  const toward = (i, j) => {
+    const [around, up] = [((i + 0.5) / 8 - 0.5) * 2 * Math.PI - 0.3, ((j + 0.5) / 4 - 0.5) * Math.PI];
+    return [Math.cos(around) * Math.cos(up), Math.sin(up), Math.sin(around) * Math.cos(up)];
+  };
+  const look = (d) =>
+    page.evaluate(
+      async ([d, width, height]) => {
+        const viewer = document.querySelector('kiln-viewer');
+        viewer.setCamera([0, 200, 0], d.map((v, axis) => (axis === 1 ? 200 : 0) + 10 * v), 45);
+        const floats = viewer.renderFloats('radiance', width, height);
+        const lookup = viewer.renderFloats('lookup', width, height);
+        const bitmap = await createImageBitmap(await viewer.toBlob());
+        const context = new OffscreenCanvas(bitmap.width, bitmap.height).getContext('2d');
+        context.drawImage(bitmap, 0, 0);
+        const shown = [...context.getImageData(bitmap.width / 2, bitmap.height / 2, 1, 1).data];
+        const at = (Math.floor(height / 2) * width + Math.floor(width / 2)) * 4;
+        const picked = viewer.pickAt(viewer.clientWidth / 2, viewer.clientHeight / 2);
+        return { radiance: [...floats.subarray(at, at + 4)], lookup: [...lookup.subarray(at, at + 4)], shown: shown.slice(0, 3), picked };
+      },
+      [d, WIDTH, HEIGHT],
+    );
+  const box = page.getByRole('checkbox', { name: 'Environment' });
+  check(await box.isChecked(), 'the environment is hidden to begin with');
+  for (const [i, j] of [[0, 1], [3, 2], [4, 2], [6, 1], [1, 3], [5, 0], [7, 2]]) {
+    const { radiance, lookup, shown, picked } = await look(toward(i, j));
+    const expected = [(i + 1) / 16, (j + 1) / 8, ((i * j) % 5) / 10];
+    // The middle lies between four pixels, a quarter of a degree beside what is looked at.
+    expect(radiance, [...expected, 0], `texel ${i}, ${j} of the environment`, 0.006);
+    expect(shown, expected.map(coded), `texel ${i}, ${j} of the environment on the screen`, 3);
+    check(picked === null && lookup.every((v) => v === 0), `there is something to pick in the environment: ${JSON.stringify(picked)}, ${lookup}`);
+  }
+  await picture('environment');
+  await box.uncheck();
+  const { radiance, shown } = await look(toward(4, 2));
+  check(radiance.every((v) => v === 0) && String(shown) === '32,36,40', `a hidden environment shows ${radiance}, ${shown}`);
+  await page.locator('kiln-viewer canvas').focus();
+  await page.keyboard.press('e');
+  check(await box.isChecked(), 'the key does not show the environment again');
+  const model = await page.evaluate(() => document.querySelector('kiln-viewer').model.environment);
+  check(model === 'sky.hdr', `the model's environment is ${model}`);
 }
 
 async function cameras(page, url, gpu) {
@@ -144,6 +188,7 @@ await script(async ([url, gpu]) => {
   await picture(page, `cover-${gpu}`);
   await onScreen(page);
   await picks(page);
+  await environment(page, (name) => picture(page, `${name}-${gpu}`));
   await cameras(page, url, gpu);
   await draft(page);
   await picture(page, `cover-draft-${gpu}`);

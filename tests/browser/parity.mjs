@@ -1,16 +1,15 @@
-// node parity.mjs URL GPU OUT WIDTH HEIGHT CAMERAS: what the page's viewer draws and looks up, as float32 RGBA files, for each scheme and camera.
+// node parity.mjs URL GPU OUT WIDTH HEIGHT CAMERAS SCHEMES: what the page's viewer draws and looks up, as float32 RGBA files, for each scheme and camera.
 //
-// CAMERAS is a JSON list of {eye, target, fov}. The Rust side compares the files with its own renderer; nothing is judged here.
+// CAMERAS is a JSON list of {eye, target, fov}, SCHEMES one of [scheme, filter]. The Rust side compares the files with its own renderer; nothing is judged here.
 import fs from 'node:fs';
 import path from 'node:path';
 import { check, load, open, say, script } from './browser.mjs';
 
-await script(async ([url, gpu, out, width, height, cameras]) => {
+await script(async ([url, gpu, out, width, height, cameras, schemes]) => {
   const { browser, page, faults } = await open(gpu);
   await page.goto(url);
   const src = await page.evaluate(() => document.querySelector('kiln-viewer').src);
-  const schemes = [['raw', 'exact'], ['raw', 'hardware'], ['expanded', 'exact'], ['expanded', 'hardware'], ['streamed', 'exact']];
-  for (const [scheme, filter] of schemes) {
+  for (const [scheme, filter] of JSON.parse(schemes)) {
     const stats = await load(page, { scheme, filter, src });
     check(stats.schemes[scheme] > 0 && Object.keys(stats.schemes).length === 1, `not all surfaces are ${scheme}: ${JSON.stringify(stats.schemes)}`);
     for (const [i, { eye, target, fov }] of JSON.parse(cameras).entries()) {

@@ -55,12 +55,12 @@ async function hiddenFragments(page) {
     const charts = () => viewer.renderFloats('radiance', 320, 240).filter((_, i) => i % 4 === 3);
     const once = charts();
     const meshes = viewer.stage.object.surfaces.flatMap((view) => view.meshes);
-    for (const { mesh } of meshes) Object.assign(mesh.material, { blending: 5, blendEquation: 100, blendSrc: 201, blendDst: 201 });
+    for (const { meshes: [mesh] } of meshes) Object.assign(mesh.material, { blending: 5, blendEquation: 100, blendSrc: 201, blendDst: 201 });
     const overdrawn = () => charts().reduce((count, chart, i) => count + (chart === once[i] ? 0 : 1), 0);
     const withPrepass = overdrawn();
     for (const { depth } of meshes) depth.visible = false;
     const without = overdrawn();
-    for (const { depth, mesh } of meshes) {
+    for (const { depth, meshes: [mesh] } of meshes) {
       depth.visible = true;
       mesh.material.blending = 1;
     }

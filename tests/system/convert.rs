@@ -33,6 +33,19 @@ fn the_room_becomes_gltf_and_that_becomes_the_same_gltf() {
 }
 
 #[test]
+fn a_scene_whose_z_is_up_stands_upright_in_gltf() {
+    let dir = TempDir::new().unwrap();
+    let (input, output) = (dir.path().join("in.obj"), dir.path().join("out.gltf"));
+    std::fs::write(&input, "v 0 0 0\nv 2 0 0\nv 0 3 0\nv 0 0 5\nf 1 2 3\nf 1 2 4\n").unwrap();
+    succeed(convert(&input, &output, &["--up", "z"]));
+    let gltf: serde_json::Value = serde_json::from_slice(&std::fs::read(&output).unwrap()).unwrap();
+    let position = &gltf["accessors"][gltf["meshes"][0]["primitives"][0]["attributes"]["POSITION"].as_u64().unwrap() as usize];
+    assert_eq!((&position["min"], &position["max"]), (&serde_json::json!([0, 0, -3]), &serde_json::json!([2, 5, 0])));
+    fail(2, &["x or y or z", "`up`"], convert(&input, &output, &["--force", "--up", "up"]));
+    fail(2, &["--up", ".glb"], convert(&shadows(dir.path()), &dir.path().join("out.x3d"), &["--up", "z"]));
+}
+
+#[test]
 fn shadows_are_lowered_in_both_encodings_and_nothing_is_overwritten_unasked() {
     let dir = TempDir::new().unwrap();
     let input = shadows(dir.path());

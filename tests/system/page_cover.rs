@@ -1,4 +1,4 @@
-//! What a baked scene is beside light: masks with holes, glass, both sides, parts, lights of a draft, the author's cameras, in the viewer.
+//! What a baked scene is beside light: masks with holes, glass, both sides, parts, lights of a draft, the environment, the author's cameras, in the viewer.
 
 use crate::{
     browser::{GPUS, Script},
@@ -8,8 +8,8 @@ use crate::{
 use glam::Vec3;
 use kiln_proto::{
     scene::{
-        AlphaMode, Camera, Coding, Lens, Light, LightShape, Material, MetallicRoughness, Opacity, Part, Reflection, Scene, Surface,
-        Texture, TextureRef,
+        AlphaMode, Camera, Coding, Environment, Lens, Light, LightShape, Material, MetallicRoughness, Opacity, Part, Reflection, Scene,
+        Surface, Texture, TextureRef,
     },
     texel::Texel,
     units::Rgb,
@@ -37,7 +37,7 @@ fn materials() -> Vec<Material> {
 }
 
 /// A wall, and before it side by side a fence, glass, a thin pane, a leaf and a surface of two parts; above them a ball, and two panes one behind the
-/// other, the nearer first in its surface. `cover.mjs` knows where.
+/// other, the nearer first in its surface; around them an environment that is another in each texel. `cover.mjs` knows where.
 fn scene() -> Scene {
     let mut scene = Scene { materials: materials(), ..Scene::empty() };
     let alpha = [255, 0, 0, 255].iter().flat_map(|a| [255, 255, 255, *a]).collect();
@@ -60,11 +60,20 @@ fn scene() -> Scene {
     let leaf_back = back(&leaf, 4);
     let ball = ball(&mut scene, "ball", GREY, [-3.0, 3.0, 0.0], 0.9, 8);
     scene.surfaces = vec![wall, fence, glass, pane, leaf, leaf_back, atlas, panes, ball];
-    scene.lights = vec![Light::new("bulb", LightShape::Point { position: [0.0, 0.0, 1.0] }, Rgb::splat(2.0))];
+    scene.lights = vec![Light::new("bulb", LightShape::Point { position: [0.0, 0.0, 1.0] }, Rgb::splat(20.0))];
     let camera = |name: &str, z: f32| {
         let lens = Lens::Perspective { fov: std::f32::consts::FRAC_PI_4, of_smaller: false };
         Camera { name: name.into(), eye: [0.0, 0.0, z], forward: [0.0, 0.0, -z.signum()], up: [0.0, 1.0, 0.0], lens }
     };
+    let texel = |k: usize| [(k % 8 + 1) as f32 / 32.0, (k / 8 + 1) as f32 / 16.0, (k % 8 * (k / 8) % 5) as f32 / 20.0];
+    scene.environment = Some(Environment {
+        name: "sky.hdr".into(),
+        width: 8,
+        height: 4,
+        rgb: (0..32).map(texel).collect(),
+        rotation: 0.3 + 8.0 * std::f32::consts::PI,
+        intensity: 2.0,
+    });
     scene.cameras = vec![camera("front", 12.0), camera("from behind", -12.0)];
     scene
 }

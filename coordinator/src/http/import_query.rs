@@ -22,6 +22,9 @@ macro_rules! upload_query {
             main: Option<String>,
             /// Seconds at which animations are evaluated; absent: the rest pose.
             time: Option<f64>,
+            /// The axis of the file that points up; the scene is turned so that it is +Y: `x`, `y` (the default) or `z`.
+            #[param(value_type = Option<String>)]
+            up: Option<kiln_proto::options::UpAxis>,
             /// The file of the upload that is the environment: a lat-long map, Radiance HDR or OpenEXR.
             environment: Option<String>,
             /// Degrees by which the environment is turned about +Y.
@@ -51,6 +54,7 @@ macro_rules! upload_query {
                 $crate::http::import_query::checked(kiln_proto::options::ImportOptions {
                     main: self.main.clone(),
                     time: self.time,
+                    up: self.up.unwrap_or_default(),
                     environment: self.environment.clone(),
                     environment_rotation: self.environment_rotation.unwrap_or_default(),
                     environment_intensity: self.environment_intensity,
@@ -78,14 +82,14 @@ pub(super) fn checked(options: ImportOptions) -> Answer<ImportOptions> {
 
 /// The schema of the options as scenes record them.
 pub(super) fn schema() -> serde_json::Value {
-    let word = |words: [&str; 2]| serde_json::json!({"type": "string", "enum": words});
+    let word = |words: &[&str]| serde_json::json!({"type": "string", "enum": words});
     serde_json::json!({
         "type": "object",
         "description": "How a scene was read: the query parameters of its upload.",
         "properties": {
-            "main": {"type": "string"}, "time": {"type": "number"}, "environment": {"type": "string"}, "environment_rotation": {"type": "number"},
-            "environment_intensity": {"type": "number"}, "light_units": word(["x3d", "physical"]), "x3d_shadows": word(["physical", "strict"]),
-            "x3d_projectors": word(["surface", "light"]), "x3d_outside_map": word(["lit", "shadowed"]),
+            "main": {"type": "string"}, "time": {"type": "number"}, "up": word(&["x", "y", "z"]), "environment": {"type": "string"}, "environment_rotation": {"type": "number"},
+            "environment_intensity": {"type": "number"}, "light_units": word(&["x3d", "physical"]), "x3d_shadows": word(&["physical", "strict"]),
+            "x3d_projectors": word(&["surface", "light"]), "x3d_outside_map": word(&["lit", "shadowed"]),
         },
     })
 }

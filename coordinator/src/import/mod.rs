@@ -21,6 +21,7 @@ mod statistics;
 mod surfaces;
 mod texture;
 mod two_sided;
+mod up;
 pub(crate) mod uri;
 mod weld;
 mod x3d;
@@ -76,6 +77,7 @@ fn import(bundle: &Bundle, options: &ImportOptions, findings: &mut Findings) -> 
         return None;
     }
     let mut scene = import_file(bundle, main, options, findings)?;
+    up::turn(&mut scene, options.up);
     if let Some(environment) = environment::import(bundle, options, findings) {
         scene.environment = Some(environment);
     }

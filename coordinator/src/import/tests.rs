@@ -26,6 +26,16 @@ fn own(name: &str) -> Result<Imported, Vec<Problem>> {
     import_bundle(&bundle, &ImportOptions::default())
 }
 
+#[test]
+fn a_scene_whose_z_is_up_is_turned_whole() {
+    let files = [("a.obj", "v 0 0 0\nv 2 0 0\nv 0 3 0\nv 0 0 5\nf 1 2 3\nf 1 2 4\n".as_bytes())];
+    let options = ImportOptions { up: kiln_proto::options::UpAxis::Z, ..ImportOptions::default() };
+    let Imported { scene, statistics, .. } = import_bundle(&bundle_of(&files, "a.obj"), &options).unwrap();
+    assert_eq!((statistics.low, statistics.high), ([0.0, 0.0, -3.0], [2.0, 5.0, 0.0]));
+    let [a, b, c] = scene.corners(&scene.surfaces[0].triangles[0]);
+    assert_eq!((b - a).cross(c - a).normalize(), glam::DVec3::Y, "its floor faces up");
+}
+
 const TRIANGLE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
 
 fn phong_of<'a>(scene: &'a Scene, surface: &str) -> &'a Phong {

@@ -88,10 +88,10 @@ const HDR: &str = "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 2\n@@@\x7f@@@\x
 async fn import_options_come_by_query_and_are_recorded_with_the_scene() {
     let bench = Bench::new().await;
     let body = || parts(&[("scene", Some("a.obj"), OBJ), ("sky", Some("sky.hdr"), HDR)]);
-    let query = "environment=sky.hdr&environment_rotation=-90&environment_intensity=2&x3d_shadows=strict";
+    let query = "environment=sky.hdr&environment_rotation=-90&environment_intensity=2&x3d_shadows=strict&up=z";
     let scene = bench.post_parts(&format!("/v1/scenes?{query}"), body()).await.json();
     let expected = serde_json::json!({
-        "environment": "sky.hdr", "environment_rotation": -90.0, "environment_intensity": 2.0,
+        "environment": "sky.hdr", "environment_rotation": -90.0, "environment_intensity": 2.0, "up": "z",
         "light_units": "x3d", "x3d_shadows": "strict", "x3d_projectors": "surface", "x3d_outside_map": "lit",
     });
     assert_eq!(scene["options"], expected, "{scene}");
@@ -113,6 +113,7 @@ async fn bad_import_options_are_refused_by_name() {
     for (query, word) in [
         ("enviroment=sky.hdr", "enviroment"),
         ("x3d_shadows=strickt", "strickt"),
+        ("up=w", "w"),
         ("time=-1", "time"),
         ("time=soon", "time"),
         ("environment_intensity=2", "environment_intensity"),

@@ -1,5 +1,5 @@
 /**
- * What shows through a surface: masks, blends and thin walls (docs/preview.md). Light fields say what a surface sends out itself; how much of what lies
+ * What shows through a surface: masks, blends and clear glass (docs/preview.md). Light fields say what a surface sends out itself; how much of what lies
  * behind is added to it is decided when it is drawn.
  *
  * Texture coordinates are brought to the corners here, those of a projector with their divisor: the shader looks up in one way, whatever they come from.
@@ -8,14 +8,14 @@
 
 import type { Vec3 } from '../format/bytes.ts';
 import type { Container } from '../format/container.ts';
-import type { Material, TextureRef, Wrap } from '../format/material.ts';
-import type { Scene, SceneSurface } from '../format/scene.ts';
+import { LEAST_ALPHA, type Material, type TextureRef, type Wrap, mayBeClear } from '../format/material.ts';
+import { type CoverTexture, type CoverTextures, type Scene, type SceneSurface, coverTextures } from '../format/scene.ts';
 import type { Channel, ChannelName } from '../format/texture.ts';
 import { meanColour } from './draft.ts';
 import { type SurfaceGeometry } from './geometry.ts';
 import { vec3At } from './frame.ts';
 
-/** A channel of a texture as it is looked up. */
+/** Channels of a texture as they are looked up. */
 export interface Sampled {
   texture: number;
   channel: ChannelName;
@@ -27,42 +27,55 @@ export interface Sampled {
   projected: boolean;
 }
 
+/** Smooth, thin glass: what goes straight through it is its colour, less what it reflects (`Scene::glass_at` in `proto::scene::veil`). */
+export interface Glass {
+  transmission: number;
+  roughness: number;
+  metallic: number;
+  /** Strength of the reflection, and what is reflected at normal incidence before it. */
+  specular: number;
+  normal: number;
+  /** Whether it lets other shares of red, green and blue through. */
+  tinted: boolean;
+}
+
 /** Triangles of a surface that are drawn alike. */
 export interface Cover {
   /** Whether what lies behind is mixed in; else it is seen or not. */
   blended: boolean;
   /** Opacity below it is none, from it on it is whole; null for opacity that counts as it is. */
   cutoff: number | null;
-  alpha: Sampled | null;
-  /** Light that goes straight through where the surface is. */
-  passing: Sampled | null;
-  /** Reflectance at normal incidence: what is reflected does not go through. */
-  fresnel: number;
+  /** What is looked up; null for what is not, or says nothing. */
+  textures: Record<keyof CoverTextures, Sampled | null>;
+  /** null where nothing goes through but past the opacity. */
+  glass: Glass | null;
   triangles: Uint32Array;
 }
+
+type Kind = Omit<Cover, 'triangles'>;
 
 /** How a surface covers what lies behind it. */
 export interface SurfaceCover {
   /** Triangles that cover all of it. */
   opaque: Uint32Array;
   covers: Cover[];
-  /** Four numbers a vertex: u q, v q, q of the look-up (q = 0: none) and the factor on what is found there. */
-  alphaAt: Float32Array;
-  passingAt: Float32Array;
+  /** Four numbers a vertex: colour of what glass lets through and opacity, both before textures. */
+  at: Float32Array;
+  /** Three numbers a vertex for each look-up that some of its covers have: u q, v q, q. */
+  lookUps: Partial<Record<keyof CoverTextures, Float32Array>>;
 }
 
-/** Squared roughness below which the worker takes a material for smooth; rougher ones scatter what goes through into their own light field. */
-const SMOOTH = 1e-3;
+const LOOK_UPS = ['opacity', 'transmission', 'roughness', 'tint'] as const satisfies (keyof CoverTextures)[];
 
 /** Null for a surface that covers all. */
 export function surfaceCover({ scene }: Container, index: number, geometry: SurfaceGeometry): SurfaceCover | null {
   const surface = scene.surfaces[index];
-  const kinds = surface.parts.map((part) => kindOf(scene, surface, scene.materials[part.material]));
+  const vertices = vertexColours(surface);
+  const kinds = surface.parts.map((part) => kindOf(scene, vertices, scene.materials[part.material]));
   if (kinds.every((kind) => kind === null)) return null;
-  const groups = new Map<string, { kind: Omit<Cover, 'triangles'>; triangles: number[] }>();
+  const groups = new Map<string, { kind: Kind; triangles: number[] }>();
   const opaque: number[] = [];
-  const four = () => new Float32Array(geometry.triangles * 12);
-  const out: SurfaceCover = { opaque: new Uint32Array(), covers: [], alphaAt: four(), passingAt: four() };
+  const out: SurfaceCover = { opaque: new Uint32Array(), covers: [], at: new Float32Array(geometry.triangles * 12), lookUps: {} };
   let from = 0;
   surface.parts.forEach(({ end, material }, p) => {
     const kind = kinds[p];
@@ -70,7 +83,7 @@ export function surfaceCover({ scene }: Container, index: number, geometry: Surf
     const group = kind ? (groups.get(key) ?? { kind, triangles: [] }) : null;
     if (group) groups.set(key, group);
     for (let t = from; t < end; t++) (group?.triangles ?? opaque).push(t);
-    if (kind) writeLookUps(out, scene, surface, scene.materials[material], geometry.positions, from, end);
+    if (kind) writeVertices(out, scene, surface, scene.materials[material], kind, geometry.positions, from, end);
     from = end;
   });
   out.opaque = Uint32Array.from(opaque);
@@ -78,65 +91,104 @@ export function surfaceCover({ scene }: Container, index: number, geometry: Surf
   return out;
 }
 
+/** Whether some vertex colour is not opaque, and some not grey. */
+function vertexColours({ colours }: SceneSurface): { fade: boolean; tint: boolean } {
+  const out = { fade: false, tint: false };
+  for (let i = 0; colours && i < colours.length; i += 4) {
+    out.fade ||= colours[i + 3] < 1;
+    out.tint ||= colours[i] !== colours[i + 1] || colours[i] !== colours[i + 2];
+  }
+  return out;
+}
+
 /** How a material is drawn on a surface; null where it covers all, whatever its author called it. */
-function kindOf(scene: Scene, surface: SceneSurface, material: Material): Omit<Cover, 'triangles'> | null {
+function kindOf(scene: Scene, vertices: { fade: boolean; tint: boolean }, material: Material): Kind | null {
   const { opacity } = material;
-  const sampled = (ref: TextureRef | null, channel: ChannelName): Sampled | null =>
-    ref && scene.textures[ref.texture].channels[channel]
-      ? { texture: ref.texture, channel, wrap: ref.wrap, nearest: ref.nearest, transform: ref.transform, projected: ref.mapping.from === 'projector' }
-      : null;
   const mask = opacity.mode === 'mask';
-  const alpha = opacity.mode === 'opaque' ? null : sampled(opacity.texture, 'alpha');
+  const looked = coverTextures(material);
+  const glass = glassOf(scene, material, looked, vertices.tint);
+  const sampled = (it: CoverTexture | null): Sampled | null =>
+    it && scene.textures[it.ref.texture].channels[it.channel]
+      ? {
+          texture: it.ref.texture, channel: it.channel, wrap: it.ref.wrap, nearest: it.ref.nearest, transform: it.ref.transform,
+          projected: it.ref.mapping.from === 'projector',
+        }
+      : null;
+  const ofGlass = (it: CoverTexture | null) => (glass ? sampled(it) : null);
+  const alpha = sampled(looked.opacity);
   const most = opacity.mode === 'opaque' ? 1 : opacity.factor;
-  const whole = !alpha && !(opacity.mode !== 'opaque' && surface.alphas) && (mask ? most >= opacity.cutoff : most >= 1);
-  const through = passingShare(scene, material) > 0;
-  if (whole && !through) return null;
-  const passing = through ? sampled(material.transmission?.texture ?? null, 'red') : null;
-  const fresnel = through ? (material.transmission?.fresnel ?? 0) : 0;
-  return { blended: through || opacity.mode === 'blend', cutoff: mask ? opacity.cutoff : null, alpha, passing, fresnel };
+  const whole = !alpha && !(opacity.mode !== 'opaque' && vertices.fade) && (mask ? most >= opacity.cutoff : most >= 1);
+  if (whole && !glass) return null;
+  const textures = { opacity: alpha, transmission: ofGlass(looked.transmission), roughness: ofGlass(looked.roughness), tint: ofGlass(looked.tint) };
+  return { blended: glass !== null || opacity.mode === 'blend', cutoff: mask ? opacity.cutoff : null, textures, glass };
 }
 
-/** Share of the light from behind that goes through before the texture of the transmission and Fresnel's term, a mean over the channels. */
-function passingShare(scene: Scene, material: Material): number {
-  const { transmission } = material;
-  if (!transmission || transmission.roughness ** 2 >= SMOOTH) return 0;
+/** Null for what is clear nowhere: rough, metal or black. Textures of the reflection are taken at their mean, which few would tell from the truth. */
+function glassOf(scene: Scene, material: Material, looked: CoverTextures, tintedVertices: boolean): Glass | null {
+  const { transmission: t } = material;
   const [r, g, b] = meanColour(scene, material);
-  return (transmission.factor * (1 - transmission.metallic) * (r + g + b)) / 3;
+  if (!t || !mayBeClear(material) || t.metallic * least(scene, looked.roughness, 2) >= 1 || Math.max(r, g, b) <= 0) return null;
+  if ((t.roughness * least(scene, looked.roughness, 1)) ** 2 >= LEAST_ALPHA) return null;
+  const mean = (ref: TextureRef | null) => (ref ? scene.textures[ref.texture].mean : { colour: [1, 1, 1], alpha: 1 });
+  const { colour } = mean(t.reflectanceTexture);
+  return {
+    transmission: t.factor,
+    roughness: t.roughness,
+    metallic: t.metallic,
+    specular: t.specular * mean(t.specularTexture).alpha,
+    normal: Math.min(1, Math.max(...t.reflectance.map((v, c) => v * colour[c]))),
+    tinted: looked.tint !== null || tintedVertices || r !== g || g !== b,
+  };
 }
 
-function writeLookUps(out: SurfaceCover, scene: Scene, surface: SceneSurface, material: Material, positions: Float32Array, from: number, end: number): void {
-  const { opacity, transmission } = material;
-  const factor = opacity.mode === 'opaque' ? 1 : opacity.factor;
-  const share = passingShare(scene, material);
-  const opacityTexture = opacity.mode === 'opaque' ? null : opacity.texture;
+/** The least value of a channel of a texture, 1 without one. */
+function least({ textures }: Scene, it: CoverTexture | null, channel: number): number {
+  const bytes = it && textures[it.ref.texture].channels[it.channel]?.bytes;
+  if (!bytes) return 1;
+  let out = 255;
+  for (let i = channel; i < bytes.length; i += 4) out = Math.min(out, bytes[i]);
+  return out / 255;
+}
+
+function writeVertices(
+  out: SurfaceCover, scene: Scene, surface: SceneSurface, material: Material, kind: Kind, positions: Float32Array, from: number, end: number,
+): void {
+  const { opacity, colour } = material;
+  const looked = coverTextures(material);
+  // What is not looked up is at its mean; vertex colours count once for all.
+  const base = looked.tint ? colour : meanColour(scene, material);
+  const solid = opacity.mode === 'opaque';
   for (let v = from * 3; v < end * 3; v++) {
-    const at = vec3At(positions, v);
-    const alpha = opacity.mode === 'opaque' ? 1 : (surface.alphas?.[v] ?? 1);
-    out.alphaAt.set([...lookUp(scene, surface, opacityTexture, v, at), factor * alpha], v * 4);
-    out.passingAt.set([...lookUp(scene, surface, transmission?.texture ?? null, v, at), share], v * 4);
+    const [r, g, b, a] = surface.colours?.subarray(v * 4, v * 4 + 4) ?? [1, 1, 1, 1];
+    out.at.set([base[0] * r, base[1] * g, base[2] * b, solid ? 1 : opacity.factor * a], v * 4);
+  }
+  for (const name of LOOK_UPS) {
+    const it = looked[name];
+    if (!it || !kind.textures[name]) continue;
+    const places = (out.lookUps[name] ??= new Float32Array((out.at.length / 4) * 3));
+    for (let v = from * 3; v < end * 3; v++) places.set(lookUp(scene, surface, it.ref, v, vec3At(positions, v)), v * 3);
   }
 }
 
 /** Homogeneous coordinates (u q, v q, q) of a corner in a texture. */
-function lookUp(scene: Scene, surface: SceneSurface, ref: TextureRef | null, v: number, [x, y, z]: Vec3): Vec3 {
-  if (!ref) return [0, 0, 0];
-  let [s, t, q] = [0, 0, 1];
-  if (ref.mapping.from === 'uv') {
-    const set = surface.uvSets.get(ref.mapping.index);
-    if (set) [s, t] = [set[v * 2], set[v * 2 + 1]];
-  } else {
-    const m = scene.projectors[ref.mapping.index].matrix;
-    [s, t, q] = [0, 4, 12].map((row) => m[row] * x + m[row + 1] * y + m[row + 2] * z + m[row + 3]);
+function lookUp(scene: Scene, surface: SceneSurface, { mapping }: TextureRef, v: number, [x, y, z]: Vec3): Vec3 {
+  if (mapping.from === 'uv') {
+    const set = surface.uvSets.get(mapping.index);
+    return set ? [set[v * 2], set[v * 2 + 1], 1] : [0, 0, 1];
   }
+  const m = scene.projectors[mapping.index].matrix;
+  const [s, t, q] = [0, 4, 12].map((row) => m[row] * x + m[row + 1] * y + m[row + 2] * z + m[row + 3]);
   return [s, t, q];
 }
 
-/** Opacity at a point of a triangle, given by its barycentric weights: what is picked there. Thin walls are there as a whole. */
-export function opacityAt(scene: Scene, { alphaAt }: SurfaceCover, cover: Cover, triangle: number, weights: Vec3): number {
-  const mixed = [0, 1, 2, 3].map((k) => weights.reduce((sum, w, c) => sum + w * alphaAt[(triangle * 3 + c) * 4 + k], 0));
-  const [u, v, q, factor] = mixed;
-  const { alpha } = cover;
+/** Opacity at a point of a triangle, given by its barycentric weights: what is picked there. Clear glass is there as a whole. */
+export function opacityAt(scene: Scene, { at, lookUps }: SurfaceCover, cover: Cover, triangle: number, weights: Vec3): number {
+  const mix = (values: Float32Array, each: number, k: number) => weights.reduce((sum, w, c) => sum + w * values[(triangle * 3 + c) * each + k], 0);
+  const factor = mix(at, 4, 3);
+  const alpha = cover.textures.opacity;
   const channel = alpha && scene.textures[alpha.texture].channels[alpha.channel];
+  const places = lookUps.opacity;
+  const [u, v, q] = places ? [0, 1, 2].map((k) => mix(places, 3, k)) : [0, 0, 0];
   const reached = q > 0 && !(alpha?.projected && [u / q, v / q].some((x) => x < 0 || x > 1));
   const opacity = factor * (alpha && channel && reached ? sampleChannel(channel, alpha, ...moved(alpha.transform, u / q, v / q)) : 1);
   return cover.cutoff === null ? opacity : opacity >= cover.cutoff ? 1 : 0;
@@ -144,7 +196,7 @@ export function opacityAt(scene: Scene, { alphaAt }: SurfaceCover, cover: Cover,
 
 const moved = ([a, b, c, d, e, f]: number[], u: number, v: number): [number, number] => [a * u + b * v + c, d * u + e * v + f];
 
-/** What a texture unit finds at (u, v). */
+/** What a texture unit finds at (u, v) in a texture of one channel. */
 export function sampleChannel({ width, height, bytes }: Channel, { wrap, nearest }: Pick<Sampled, 'wrap' | 'nearest'>, u: number, v: number): number {
   const at = (x: number, y: number) => bytes[wrapped(y, height, wrap[1]) * width + wrapped(x, width, wrap[0])] / 255;
   const [x, y] = [u * width, v * height];

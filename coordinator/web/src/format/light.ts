@@ -1,4 +1,4 @@
-/** Lights without area, the environment, projectors and cameras of a scene (docs/formats.md). X3D's shadow fields are read over: they act in the bake. */
+/** Lights without area, projectors and cameras of a scene (docs/formats.md). X3D's shadow fields are read over: they act in the bake. */
 
 import type { ByteReader, Vec3 } from './bytes.ts';
 import { readTextureOption } from './material.ts';
@@ -80,24 +80,6 @@ export function readShadowMap(r: ByteReader): void {
   r.varint('shadow size');
   r.skip(8, 'shadow offset');
   r.variant(['less-equal', 'greater-equal', 'none'], 'shadow comparison');
-}
-
-/** The mean radiance of the environment over the sphere, W/(sr m²): all that a draft takes of it. Rows are weighted by their share of the sphere. */
-export function readEnvironment(r: ByteReader): Vec3 {
-  r.text('environment name');
-  const [width, height] = [r.varint('environment width'), r.varint('environment height')];
-  const texels = r.length(12, 'environment');
-  if (texels !== width * height) throw r.error(`the environment has ${texels} texels; ${width} x ${height} expected`);
-  const sum: Vec3 = [0, 0, 0];
-  let all = 0;
-  for (let y = 0; y < height; y++) {
-    const weight = Math.cos(((y + 0.5) / height - 0.5) * Math.PI);
-    all += weight * width;
-    for (let x = 0; x < width; x++) r.vec3('environment').forEach((v, c) => (sum[c] += v * weight));
-  }
-  r.f32('rotation');
-  const factor = r.f32('environment intensity') / Math.max(all, 1e-30);
-  return [sum[0] * factor, sum[1] * factor, sum[2] * factor];
 }
 
 export function readProjector(r: ByteReader): Projector {

@@ -32,15 +32,30 @@ export interface TextureLayer {
   scale: number;
 }
 
-/** Light that goes straight through a thin wall: KHR_materials_transmission. */
+/** Light that goes through a thin wall (KHR_materials_transmission), and what decides how much of it goes straight on. */
 export interface Transmission {
   factor: number;
+  /** Its red channel multiplies the factor. */
   texture: TextureRef | null;
   metallic: number;
   roughness: number;
-  /** Reflectance at normal incidence. */
-  fresnel: number;
+  /** Its green channel multiplies the roughness, its blue one the metalness. */
+  metallicRoughness: TextureRef | null;
+  /** Strength of the reflection (KHR_materials_specular), before its texture. */
+  specular: number;
+  specularTexture: TextureRef | null;
+  /** What the ior reflects at normal incidence, tinted, before its texture. */
+  reflectance: Vec3;
+  reflectanceTexture: TextureRef | null;
 }
+
+/** Squared roughness below which a surface is perfectly smooth; rougher ones scatter what goes through into their own light field. As `LEAST_ALPHA` in
+ * `proto::scene` and `LF_LEAST_ALPHA` in `lf_cover.glsl`. */
+export const LEAST_ALPHA = 1e-3;
+
+/** Whether a material may be clear glass somewhere: transmissive, and smooth or of a roughness that a texture decides. */
+export const mayBeClear = ({ transmission: t }: Pick<Material, 'transmission'>): boolean =>
+  t !== null && (t.metallicRoughness !== null || t.roughness ** 2 < LEAST_ALPHA);
 
 export interface Opacity {
   mode: 'opaque' | 'mask' | 'blend';
@@ -98,18 +113,18 @@ function readMetallicRoughness(r: ByteReader): Reflection {
   const colour = r.vec3('base colour');
   const layers = readLayers(r);
   const [metallic, roughness] = [r.f32('metallic'), r.f32('roughness')];
-  readTextureOption(r);
+  const metallicRoughness = readTextureOption(r);
   const [ior, specular] = [r.f32('ior'), r.f32('specular')];
-  readTextureOption(r);
+  const specularTexture = readTextureOption(r);
   const tint = r.vec3('specular colour');
-  readTextureOption(r);
+  const reflectanceTexture = readTextureOption(r);
   const factor = r.f32('transmission');
   const texture = readTextureOption(r);
-  const fresnel = Math.min(1, ((ior - 1) / (ior + 1)) ** 2 * mean(tint)) * specular;
-  return { colour, layers, transmission: factor > 0 ? { factor, texture, metallic, roughness, fresnel } : null };
+  const normal = ((ior - 1) / (ior + 1)) ** 2;
+  const reflectance: Vec3 = [tint[0] * normal, tint[1] * normal, tint[2] * normal];
+  const transmission = { factor, texture, metallic, roughness, metallicRoughness, specular, specularTexture, reflectance, reflectanceTexture };
+  return { colour, layers, transmission: factor > 0 ? transmission : null };
 }
-
-const mean = ([a, b, c]: Vec3): number => (a + b + c) / 3;
 
 const readLayers = (r: ByteReader): TextureLayer[] =>
   r.list(30, 'texture layers', () => {

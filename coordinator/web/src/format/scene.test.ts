@@ -80,7 +80,7 @@ describe('a scene', () => {
     ]);
     expect(scene.lights[2].shape).toMatchObject({ cone: { profile: 'squared-cosine' } });
     expect(scene.lights[0].falloff).toEqual({ kind: 'inverse-square', range: 10 });
-    scene.ambient.forEach((v) => expect(v).toBeCloseTo(20));
+    scene.environment!.mean.forEach((v) => expect(v).toBeCloseTo(20));
     expect(scene.projectors[0].matrix[15]).toBe(15);
     expect(scene.cameras.map(({ name, lens }) => [name, lens.kind])).toEqual([['Door', 'perspective'], ['Plan', 'orthographic']]);
   });
@@ -89,15 +89,15 @@ describe('a scene', () => {
     const { materials, textures, surfaces } = read(sceneBytes());
     expect(materials.map(({ name, opacity }) => [name, opacity.mode])).toEqual([['bark', 'opaque'], ['skin', 'mask'], ['lamp', 'blend']]);
     expect(materials[0].layers[0]).toMatchObject({ mode: 'modulate', scale: 2 });
-    expect(materials[1].transmission).toMatchObject({ metallic: 0.25 });
-    expect(materials[1].transmission!.fresnel).toBeCloseTo(0.5 / 9);
+    expect(materials[1].transmission).toMatchObject({ metallic: 0.25, metallicRoughness: null, specular: 0.5 });
+    materials[1].transmission!.reflectance.forEach((v) => expect(v).toBeCloseTo(1 / 9));
     expect(materials[1].opacity.texture).toMatchObject({ mapping: { from: 'uv', index: 1 }, wrap: ['mirror', 'clamp'], nearest: true });
     expect([textures[0].channels, [...textures[1].channels.alpha!.bytes], [...textures[1].channels.red!.bytes]]).toEqual([{}, [255, 51], [0, 255]]);
     expect(textures[0].mean).toEqual({ colour: [1, 0, 0], alpha: 1 });
     expect([...surfaces[0].uvSets.keys()]).toEqual([1]);
     [...surfaces[0].uvSets.get(1)!].forEach((v, i) => expect(v).toBeCloseTo(i < 6 ? 0 : (i - 5) / 10));
-    expect([...surfaces[0].alphas!]).toEqual([1, 1, 1, 1, 0.5, 1]);
-    expect([surfaces[1].uvSets.size, surfaces[1].alphas]).toEqual([0, null]);
+    expect(surfaces[0].colours!.filter((_, i) => i % 4 === 3)).toEqual(Float32Array.of(1, 1, 1, 1, 0.5, 1));
+    expect([surfaces[1].uvSets.size, surfaces[1].colours]).toEqual([0, null]);
   });
 
   it('is refused with the fault named, wherever it is cut, and where an index leads nowhere', () => {

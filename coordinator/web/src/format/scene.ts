@@ -6,9 +6,10 @@
  * are wanted, which is few.
  */
 
-import { ByteReader, type Vec3 } from './bytes.ts';
-import { type Light, type Projector, type SceneCamera, readCamera, readEnvironment, readLight, readProjector, readShadowMap } from './light.ts';
-import { type Material, type TextureRef, readMaterial } from './material.ts';
+import { ByteReader } from './bytes.ts';
+import { type Environment, readEnvironment } from './environment.ts';
+import { type Light, type Projector, type SceneCamera, readCamera, readLight, readProjector, readShadowMap } from './light.ts';
+import { type Material, type TextureRef, mayBeClear, readMaterial } from './material.ts';
 import { type ChannelName, type SceneTexture, readTexture } from './texture.ts';
 
 const SCENE_VERSION = 2;
@@ -34,8 +35,8 @@ export interface SceneSurface {
   normals: Uint32Array;
   /** Author's texture coordinates by set, six per triangle, (0, 0) where there are none: the sets that decide what shows through. */
   uvSets: Map<number, Float32Array>;
-  /** Opacity of each corner by its vertex colour; null where that is 1 or decides nothing. */
-  alphas: Float32Array | null;
+  /** Linear vertex colour and opacity of each corner, four numbers; null where there are none, or they decide nothing that shows through. */
+  colours: Float32Array | null;
 }
 
 export interface Scene {
@@ -47,19 +48,40 @@ export interface Scene {
   materials: Material[];
   textures: SceneTexture[];
   lights: Light[];
-  /** Mean radiance of the environment, W/(sr m²). */
-  ambient: Vec3;
+  environment: Environment | null;
   projectors: Projector[];
   cameras: SceneCamera[];
 }
 
-/** The texture that opacity, or light that goes through, is looked up in, and its channel. */
-export function coverTextures({ opacity, transmission }: Material): { ref: TextureRef; channel: ChannelName }[] {
-  const out: { ref: TextureRef; channel: ChannelName }[] = [];
-  if (opacity.mode !== 'opaque' && opacity.texture) out.push({ ref: opacity.texture, channel: 'alpha' });
-  if (transmission?.texture) out.push({ ref: transmission.texture, channel: 'red' });
-  return out;
+/** A texture that decides what shows through, and its channels. */
+export interface CoverTexture {
+  ref: TextureRef;
+  channel: ChannelName;
 }
+
+/** The textures that decide what shows through a material. */
+export interface CoverTextures {
+  opacity: CoverTexture | null;
+  transmission: CoverTexture | null;
+  /** Green: roughness, blue: metalness. */
+  roughness: CoverTexture | null;
+  /** Of clear glass. */
+  tint: CoverTexture | null;
+}
+
+export function coverTextures(material: Material): CoverTextures {
+  const { opacity, transmission, layers } = material;
+  const of = (ref: TextureRef | null | undefined, channel: ChannelName): CoverTexture | null => (ref ? { ref, channel } : null);
+  const clear = mayBeClear(material);
+  return {
+    opacity: opacity.mode === 'opaque' ? null : of(opacity.texture, 'alpha'),
+    transmission: clear ? of(transmission?.texture, 'red') : null,
+    roughness: clear ? of(transmission?.metallicRoughness, 'colour') : null,
+    tint: clear && layers.length === 1 && layers[0].mode === 'modulate' && layers[0].scale === 1 ? of(layers[0].texture, 'colour') : null,
+  };
+}
+
+const coverList = (material: Material): CoverTexture[] => Object.values(coverTextures(material)).filter((it) => it !== null);
 
 /** A surface with what is decoded when its materials are known. */
 interface Undecoded {
@@ -82,14 +104,14 @@ export function readScene(r: ByteReader): Scene {
   let texture = 0;
   const textures = r.list(6, 'textures', () => readTexture(r, wanted.get(texture++) ?? new Set()));
   const lights = r.list(90, 'lights', () => readLight(r));
-  const ambient = r.option(() => readEnvironment(r), 'environment') ?? [0, 0, 0];
+  const environment = r.option(() => readEnvironment(r), 'environment');
   const projectors = r.list(66, 'projectors', () => readProjector(r));
   const cameras = r.list(42, 'cameras', () => readCamera(r));
   r.bool('strict shadows');
   r.bool('shadows outside');
   r.end();
   const surfaces = undecoded.map(({ surface }) => surface);
-  const scene = { positions, normals, surfaces, materials, textures, lights, ambient, projectors, cameras };
+  const scene = { positions, normals, surfaces, materials, textures, lights, environment, projectors, cameras };
   check(r, scene);
   undecoded.forEach((it) => decode(r, it, scene, colours));
   return scene;
@@ -107,7 +129,7 @@ function readSurface(r: ByteReader): Undecoded {
   }
   const sets = r.list(1, 'coordinate sets', () => readOver(r));
   const [normals, colours] = [r.varints(3, 'normals'), r.varints(3, 'colours')];
-  return { surface: { name, fileStem, backOf, parts, corners, normals, uvSets: new Map(), alphas: null }, sets, colours };
+  return { surface: { name, fileStem, backOf, parts, corners, normals, uvSets: new Map(), colours: null }, sets, colours };
 }
 
 function readPart(r: ByteReader, endOf: (triangles: number) => number): Part {
@@ -133,7 +155,7 @@ function readOver(r: ByteReader): ByteReader {
 
 function wantedChannels(materials: Material[]): Map<number, Set<ChannelName>> {
   const wanted = new Map<number, Set<ChannelName>>();
-  for (const { ref, channel } of materials.flatMap(coverTextures)) {
+  for (const { ref, channel } of materials.flatMap(coverList)) {
     wanted.set(ref.texture, (wanted.get(ref.texture) ?? new Set()).add(channel));
   }
   return wanted;
@@ -141,7 +163,11 @@ function wantedChannels(materials: Material[]): Map<number, Set<ChannelName>> {
 
 /** Every index that is followed later must lead somewhere. */
 function check(r: ByteReader, { positions, normals, surfaces, materials, textures, projectors }: Scene): void {
-  const refs = materials.flatMap((m) => [...m.layers.map((l) => l.texture), ...coverTextures(m).map(({ ref }) => ref), ...(m.emissionTexture ? [m.emissionTexture] : [])]);
+  const refs = materials.flatMap((m) => {
+    const { specularTexture, reflectanceTexture } = m.transmission ?? {};
+    const single = [m.emissionTexture, specularTexture, reflectanceTexture].filter((ref) => ref != null);
+    return [...m.layers.map((l) => l.texture), ...coverList(m).map(({ ref }) => ref), ...single];
+  });
   for (const { texture, mapping } of refs) {
     if (texture >= textures.length) throw r.error(`a material has texture ${texture}; there are ${textures.length}`);
     if (mapping.from === 'projector' && mapping.index >= projectors.length) throw r.error(`a material has projector ${mapping.index}, which is missing`);
@@ -161,16 +187,17 @@ function check(r: ByteReader, { positions, normals, surfaces, materials, texture
 /** Decodes the coordinate sets and vertex colours of a surface that decide what shows through it. */
 function decode(r: ByteReader, { surface, sets, colours }: Undecoded, { materials }: Scene, pool: Float32Array): void {
   const own = [...new Set(surface.parts.map((part) => materials[part.material]))];
-  for (const { ref } of own.flatMap(coverTextures)) {
+  for (const { ref } of own.flatMap(coverList)) {
     const { from, index } = ref.mapping;
     if (from === 'uv' && sets[index] && !surface.uvSets.has(index)) surface.uvSets.set(index, coordinates(sets[index], surface.corners.length * 2));
   }
-  if (colours.length === 0 || own.every(({ opacity }) => opacity.mode === 'opaque')) return;
+  if (colours.length === 0 || own.every((material) => material.opacity.mode === 'opaque' && !mayBeClear(material))) return;
   if (colours.length !== surface.corners.length || colours.some((c) => c * 4 >= pool.length)) {
     throw r.error(`surface ${surface.name} has a vertex colour that is missing`);
   }
-  const alphas = Float32Array.from(colours, (c) => pool[c * 4 + 3]);
-  if (alphas.some((a) => a < 1)) surface.alphas = alphas;
+  const of = new Float32Array(colours.length * 4);
+  colours.forEach((c, corner) => of.set(pool.subarray(c * 4, c * 4 + 4), corner * 4));
+  surface.colours = of;
 }
 
 function coordinates(set: ByteReader, count: number): Float32Array {

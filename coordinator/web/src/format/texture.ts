@@ -1,20 +1,24 @@
 /**
- * The images of a scene, as far as a viewer needs them once their colours are baked: the mean of each, and of those that decide what shows through,
- * one channel. Whole images would be most of what a page holds, for nothing.
+ * The images of a scene, as far as a viewer needs them once their colours are baked: the mean of each, and the channels that decide what shows through.
+ * Whole images would be most of what a page holds, for nothing.
  */
 
 import { EOTF } from '../field/decode.ts';
 import type { ByteReader, Vec3 } from './bytes.ts';
 
-/** One channel of an image, row 0 at v = 0, byte / 255. */
+/** Some channels of an image, row 0 at v = 0. */
 export interface Channel {
   width: number;
   height: number;
+  /** Bytes a texel: one channel, byte / 255, or red, green, blue and 255. */
+  each: 1 | 4;
+  /** Whether red, green and blue of four are sRGB-coded; a single channel never is. */
+  srgb: boolean;
   bytes: Uint8Array;
 }
 
-/** Which channel: opacity is in alpha, KHR_materials_transmission in red. */
-export type ChannelName = 'alpha' | 'red';
+/** Which channels: opacity is in alpha, KHR_materials_transmission in red; roughness, metalness and colours take all three. */
+export type ChannelName = 'alpha' | 'red' | 'colour';
 
 export interface SceneTexture {
   name: string;
@@ -36,11 +40,14 @@ export function readTexture(r: ByteReader, wanted: ReadonlySet<ChannelName>): Sc
   if (width * height === 0 || bytes.length !== width * height * channels) {
     throw r.error(`texture ${name} has ${bytes.length} bytes; ${width} x ${height} x ${channels} expected`);
   }
-  const texture: SceneTexture = { name, mean: meanOf(bytes, channels, coding === 'srgb'), channels: {} };
-  if (wanted.has('red')) texture.channels.red = { width, height, bytes: channelOf(bytes, channels, 0, coding === 'srgb') };
+  const srgb = coding === 'srgb';
+  const texture: SceneTexture = { name, mean: meanOf(bytes, channels, srgb), channels: {} };
+  const one = { width, height, each: 1, srgb: false } as const;
+  if (wanted.has('red')) texture.channels.red = { ...one, bytes: channelOf(bytes, channels, 0, srgb) };
+  if (wanted.has('colour')) texture.channels.colour = { width, height, each: 4, srgb, bytes: coloursOf(bytes, channels) };
   if (wanted.has('alpha') && channels === 4) {
     const alpha = channelOf(bytes, channels, 3, false);
-    if (alpha.some((v) => v !== 255)) texture.channels.alpha = { width, height, bytes: alpha };
+    if (alpha.some((v) => v !== 255)) texture.channels.alpha = { ...one, bytes: alpha };
   }
   return texture;
 }
@@ -48,6 +55,15 @@ export function readTexture(r: ByteReader, wanted: ReadonlySet<ChannelName>): Sc
 function channelOf(bytes: Uint8Array, channels: number, which: number, srgb: boolean): Uint8Array {
   const out = new Uint8Array(bytes.length / channels);
   for (let i = 0, j = which; i < out.length; i++, j += channels) out[i] = srgb ? Math.round(255 * EOTF[bytes[j]]) : bytes[j];
+  return out;
+}
+
+/** Three bytes a texel are no format that every GPU filters. */
+function coloursOf(bytes: Uint8Array, channels: number): Uint8Array {
+  const out = new Uint8Array((bytes.length / channels) * 4).fill(255);
+  for (let i = 0, j = 0; i < out.length; i += 4, j += channels) {
+    for (let c = 0; c < 3; c++) out[i + c] = bytes[j + c];
+  }
   return out;
 }
 

@@ -13,7 +13,7 @@ const light = (over: Partial<Light> = {}): Light => ({
 const sun = light({ shape: { kind: 'directional', direction: [0, -1, 0] }, intensity: [3, 3, 3] });
 
 /** A unit triangle 4 m above, of a material that emits `radiance` under a texture of mean 1/2, and the lights. */
-function container(radiance: number, lights: Light[], ambient: Vec3 = [0, 0, 0]): Container {
+function container(radiance: number, lights: Light[], mean: Vec3 = [0, 0, 0]): Container {
   const emissionTexture = { texture: 0 };
   const materials = [
     { colour: [0.2, 0.4, 0.8], layers: [{ texture: { texture: 0 }, mode: 'modulate', scale: 1 }], emission: [0, 0, 0], emissionTexture: null,
@@ -23,7 +23,7 @@ function container(radiance: number, lights: Light[], ambient: Vec3 = [0, 0, 0])
   const surface = { parts: [{ material: 0, end: 1 }, { material: 1, end: 2 }], corners: Uint32Array.of(0, 1, 2, 0, 1, 2) };
   const positions = Float32Array.of(0, 4, 0, 1, 4, 0, 0, 4, 1);
   const textures = [{ mean: { colour: [0.5, 0.5, 0.5], alpha: 1 } }];
-  return { scene: { positions, surfaces: [surface], materials, textures, lights, ambient, projectors: [], cameras: [] } } as unknown as Container;
+  return { scene: { positions, surfaces: [surface], materials, textures, lights, environment: { mean }, projectors: [], cameras: [] } } as unknown as Container;
 }
 
 describe('the lights of a draft', () => {

@@ -100,7 +100,7 @@ function weakened(falloff: Falloff, d: number): number {
 /** Sets the draft's lights; returns a guess of the exposure for when the job's own is not known: a white surface at mean light is mid-grey. */
 export function setLights(uniforms: SharedUniforms, container: Container, lit: Lit): number {
   const { lights, lamps } = draftLights(container, DRAFT_LIGHTS, lit);
-  const { ambient } = container.scene;
+  const ambient = container.scene.environment?.mean ?? NOWHERE;
   uniforms.lfLightCount.value = lights.length + lamps.length;
   uniforms.lfAmbient.value.set(...ambient);
   lights.forEach((light, i) => setLight(uniforms, i, light));

@@ -61,26 +61,43 @@ export interface SurfaceUniforms {
 /** How a mesh covers what lies behind it, for its materials; null where it covers all. */
 export interface CoverUniforms {
   blended: boolean;
+  /** Blended channel by channel: {@link lfChannel} says which. */
+  tinted: boolean;
   uniforms: Record<string, IUniform>;
+  lfChannel: IUniform<Vector3>;
 }
 
-export function coverUniforms(cover: Cover, channels: ChannelTextures): CoverUniforms {
+export function coverUniforms({ textures, glass, cutoff, blended }: Cover, channels: ChannelTextures): CoverUniforms {
+  const { opacity, transmission, roughness, tint } = textures;
+  const lfChannel = { value: new Vector3(1, 0, 0) };
   const uniforms = {
-    lfAlpha: { value: channels.get(cover.alpha) },
-    lfPassing: { value: channels.get(cover.passing) },
-    lfAlphaMove: { value: move(cover.alpha) },
-    lfPassingMove: { value: move(cover.passing) },
-    lfProjected: { value: [cover.alpha?.projected, cover.passing?.projected].map(Number) },
-    lfCutoff: { value: cover.cutoff ?? -1 },
-    lfFresnel: { value: cover.fresnel },
+    lfAlpha: { value: channels.get(opacity) },
+    lfPassing: { value: channels.get(transmission) },
+    lfRoughness: { value: channels.get(roughness) },
+    lfTint: { value: channels.get(tint) },
+    lfAlphaMove: { value: move(opacity) },
+    lfPassingMove: { value: move(transmission) },
+    lfRoughnessMove: { value: move(roughness) },
+    lfTintMove: { value: move(tint) },
+    lfProjected: { value: [opacity, transmission, roughness, tint].map((it) => Number(it?.projected ?? false)) },
+    lfCutoff: { value: cutoff ?? -1 },
+    lfGlass: { value: glass ? new Vector3(glass.transmission, glass.roughness, glass.metallic) : new Vector3(0, 1, 1) },
+    lfReflected: { value: glass ? new Vector2(glass.specular, glass.normal) : new Vector2() },
+    lfChannel,
   };
-  return { blended: cover.blended, uniforms };
+  return { blended, tinted: glass?.tinted ?? false, uniforms, lfChannel };
 }
 
 /** Rows of the map of a look-up's coordinates. */
 function move(sampled: Sampled | null): Vector3[] {
   const [a, b, c, d, e, f] = sampled?.transform ?? [1, 0, 0, 0, 1, 0];
   return [new Vector3(a, b, c), new Vector3(d, e, f)];
+}
+
+/** Look-ups that a mesh does not have: nowhere. */
+function withDefaults(material: RawShaderMaterial): RawShaderMaterial {
+  Object.assign(material.defaultAttributeValues, { alphaAt: [0, 0, 0], passingAt: [0, 0, 0], roughnessAt: [0, 0, 0], tintAt: [0, 0, 0] });
+  return material;
 }
 
 const coverDefines = (cover: CoverUniforms | null): Record<string, number> => (cover ? { LF_COVER: cover.blended ? 2 : 1 } : {});
@@ -107,7 +124,7 @@ function material(
     out.blendSrc = OneFactor;
     out.blendDst = OneMinusSrcAlphaFactor;
   }
-  return out;
+  return withDefaults(out);
 }
 
 const filterDefines = (hardware: boolean): Record<string, number> => (hardware ? { LF_HW_FILTER: 1 } : {});
@@ -136,13 +153,15 @@ export const meanMaterial = (base: Record<string, IUniform>, texture: DataTextur
 
 /** The depth pre-pass. */
 export const depthMaterial = (cover: CoverUniforms | null): RawShaderMaterial =>
-  new RawShaderMaterial({
-    name: 'kiln-depth',
-    glslVersion: GLSL3,
-    vertexShader: depthProgram.vertex,
-    fragmentShader: depthProgram.fragment,
-    uniforms: { ...cover?.uniforms },
-    defines: coverDefines(cover),
-    side: FrontSide,
-    colorWrite: false,
-  });
+  withDefaults(
+    new RawShaderMaterial({
+      name: 'kiln-depth',
+      glslVersion: GLSL3,
+      vertexShader: depthProgram.vertex,
+      fragmentShader: depthProgram.fragment,
+      uniforms: { ...cover?.uniforms },
+      defines: coverDefines(cover),
+      side: FrontSide,
+      colorWrite: false,
+    }),
+  );

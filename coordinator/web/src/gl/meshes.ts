@@ -1,11 +1,15 @@
 /**
  * The meshes of a surface: one for all that covers what lies behind it, one for each way of not doing so. They share their vertices and differ in which
  * triangles they draw. What is blended has no depth of its own: it is drawn last, back to front, and hides nothing.
+ *
+ * Blending knows one opacity a fragment. Coloured glass has three: it is drawn once for each of red, green and blue, with a mask that leaves the others
+ * alone, so that each channel is blended exactly and in order. Multiplying first and adding afterwards takes two passes and is wrong wherever two
+ * triangles of a mesh lie behind each other.
  */
 
-import { Box3, BufferAttribute, BufferGeometry, DynamicDrawUsage, type Group, Mesh, RawShaderMaterial, Sphere, Vector3 } from 'three';
+import { Box3, BufferAttribute, BufferGeometry, DynamicDrawUsage, type Group, type IUniform, Mesh, RawShaderMaterial, Sphere, Vector3 } from 'three';
 import type { Vec3 } from '../format/bytes.ts';
-import type { Cover } from '../field/cover.ts';
+import type { Cover, SurfaceCover } from '../field/cover.ts';
 import type { FieldSurface } from '../field/light-field.ts';
 import type { ChannelTextures } from './channels.ts';
 import { type CoverUniforms, coverUniforms, depthMaterial } from './material.ts';
@@ -14,10 +18,13 @@ import { sortBackToFront } from './sorting.ts';
 /** Drawn before everything that is not of a light field, and every pre-pass before every colour pass. */
 const FIRST = -1000;
 
+type DrawnMesh = Mesh<BufferGeometry, RawShaderMaterial>;
+
 export interface SurfaceMesh {
-  mesh: Mesh<BufferGeometry, RawShaderMaterial>;
+  /** One, or one for each channel; they differ in nothing else. The first is what is picked. */
+  meshes: DrawnMesh[];
   /** The pre-pass; null where there is none. */
-  depth: Mesh<BufferGeometry, RawShaderMaterial> | null;
+  depth: DrawnMesh | null;
   /** null for what covers all. */
   cover: Cover | null;
   uniforms: CoverUniforms | null;
@@ -37,15 +44,37 @@ export function surfaceMeshes(
     const triangles = own?.triangles ?? cover?.opaque ?? null;
     const geometry = geometryOf(vertices, triangles, own?.blended ?? false);
     const uniforms = own && coverUniforms(own, channels);
-    const mesh = new Mesh(geometry, empty(uniforms));
-    mesh.renderOrder = own?.blended ? 0 : FIRST + 1;
-    mesh.userData = { surface: surface.index, cover: own };
-    group.add(mesh);
-    return { mesh, depth: own?.blended ? null : depthMesh(geometry, uniforms ? depthMaterial(uniforms) : depthOnly, group), cover: own, uniforms, sortedFor: null };
+    const material = empty(uniforms);
+    const meshes = (uniforms?.tinted ? [0, 1, 2] : [null]).map((channel) => {
+      const mesh = new Mesh(geometry, material);
+      mesh.renderOrder = own?.blended ? 0 : FIRST + 1;
+      mesh.userData = { surface: surface.index, cover: own };
+      if (channel !== null && uniforms) drawChannel(mesh, channel, uniforms.lfChannel);
+      return mesh;
+    });
+    group.add(...meshes);
+    return { meshes, depth: own?.blended ? null : depthMesh(geometry, uniforms ? depthMaterial(uniforms) : depthOnly, group), cover: own, uniforms, sortedFor: null };
   });
 }
 
-function depthMesh(geometry: BufferGeometry, material: RawShaderMaterial, group: Group): Mesh<BufferGeometry, RawShaderMaterial> {
+/** Has a mesh write one channel; that of blue writes alpha, too. three masks all channels or none. */
+function drawChannel(mesh: DrawnMesh, channel: number, lfChannel: IUniform<Vector3>): void {
+  const only = (c: number) => c === channel;
+  mesh.onBeforeRender = (renderer) => {
+    lfChannel.value.set(Number(only(0)), Number(only(1)), Number(only(2)));
+    mesh.material.uniformsNeedUpdate = true;
+    // Through three first, which then takes the mask for what it set itself and leaves it.
+    renderer.state.buffers.color.setMask(true);
+    renderer.getContext().colorMask(only(0), only(1), only(2), only(2));
+  };
+  mesh.onAfterRender = (renderer) => renderer.getContext().colorMask(true, true, true, true);
+  if (channel > 0) mesh.raycast = () => {};
+}
+
+/** Gives a material to all meshes that draw the same. */
+export const setMaterial = ({ meshes }: SurfaceMesh, material: RawShaderMaterial): void => meshes.forEach((mesh) => (mesh.material = material));
+
+function depthMesh(geometry: BufferGeometry, material: RawShaderMaterial, group: Group): DrawnMesh {
   const depth = new Mesh(geometry, material);
   depth.renderOrder = FIRST;
   // The mesh beside it is what is picked.
@@ -56,7 +85,7 @@ function depthMesh(geometry: BufferGeometry, material: RawShaderMaterial, group:
 
 /** Draws the triangles of a blended mesh from the farthest to the nearest, as seen from `eye` in the space of the scene. */
 export function sortMesh(it: SurfaceMesh, positions: Float32Array, eye: Vec3): void {
-  const { index } = it.mesh.geometry;
+  const { index } = it.meshes[0].geometry;
   if (!it.cover?.blended || !index || it.sortedFor?.every((v, axis) => v === eye[axis])) return;
   sortBackToFront(it.cover.triangles, positions, eye, index.array as Uint32Array);
   index.needsUpdate = true;
@@ -74,8 +103,17 @@ function attributes({ geometry, cover }: FieldSurface): Vertices {
     uv: new BufferAttribute(uvs, 2),
     chart: new BufferAttribute(charts, 1),
     part: new BufferAttribute(parts, 1),
-    ...(cover && { alphaAt: new BufferAttribute(cover.alphaAt, 4), passingAt: new BufferAttribute(cover.passingAt, 4) }),
+    ...(cover && { coverAt: new BufferAttribute(cover.at, 4) }),
+    ...lookUps(cover?.lookUps ?? {}),
   };
+}
+
+/** Where `lf_cover.glsl` has the look-ups; those that no cover of a surface has stay away. */
+const LOOK_UPS = { opacity: 'alphaAt', transmission: 'passingAt', roughness: 'roughnessAt', tint: 'tintAt' } as const;
+
+function lookUps(of: SurfaceCover['lookUps']): Vertices {
+  const names = Object.keys(of) as (keyof typeof LOOK_UPS)[];
+  return Object.fromEntries(names.map((name) => [LOOK_UPS[name], new BufferAttribute(of[name]!, 3)]));
 }
 
 /** `triangles` null: all of them. */

@@ -14,6 +14,7 @@ import { type LightField, TileSource } from '../field/light-field.ts';
 import { add, length, scale, sub } from '../field/frame.ts';
 import { type TileSegment } from '../format/segment.ts';
 import type { Scheme } from '../viewer/api.ts';
+import { Background } from './background.ts';
 import { ChannelTextures } from './channels.ts';
 import { setLights } from './lamps.ts';
 import { type SharedUniforms, depthMaterial, sharedUniforms } from './material.ts';
@@ -32,6 +33,8 @@ export class LightFieldObject extends Group {
   readonly field: LightField;
   readonly uniforms: SharedUniforms;
   readonly surfaces: SurfaceView[];
+  /** What lies behind the scene, hidden until somebody shows it: a host scene has a background of its own. null without an environment. */
+  readonly background: Background | null;
   private readonly pool = new ExpandPool();
   private readonly renderer: WebGLRenderer;
   private readonly depthOnly = depthMaterial(null);
@@ -51,19 +54,25 @@ export class LightFieldObject extends Group {
     this.channels = new ChannelTextures(field.container.scene, limits);
     this.surfaces = field.surfaces.map((surface) => new SurfaceView(field, surface, this.uniforms, this.channels, this.depthOnly, limits));
     this.add(...this.surfaces.map((view) => view.group));
+    const { environment } = field.container.scene;
+    this.background = environment && new Background(environment, this.uniforms);
+    if (this.background) {
+      this.background.visible = false;
+      this.add(this.background);
+    }
   }
 
   /** Bytes that {@link prepare} would take. */
   plannedBytes({ scheme, budget }: Pick<PrepareOptions, 'scheme' | 'budget'>): number {
     const costs = this.surfaces.map((view) => view.costs());
-    const { bytes } = this.channels;
+    const bytes = this.besideSamples;
     return fitBudget(costs, budget - bytes, scheme).reduce((sum, chosen, i) => sum + ((chosen && costs[i][chosen]) ?? 0), bytes);
   }
 
   /** Lays out and fills the textures. Resolves when all is on the GPU; what is not there yet is drawn as a draft. */
   async prepare({ scheme, budget, changed }: PrepareOptions): Promise<void> {
     this.channels.fit(budget);
-    const schemes = fitBudget(this.surfaces.map((view) => view.costs()), budget - this.channels.bytes, scheme);
+    const schemes = fitBudget(this.surfaces.map((view) => view.costs()), budget - this.besideSamples, scheme);
     const layout = ++this.layouts;
     this.surfaces.forEach((view, i) => view.begin(this.renderer, schemes[i]));
     changed();
@@ -139,7 +148,11 @@ export class LightFieldObject extends Group {
 
   /** Bytes of all textures. */
   get bytes(): number {
-    return this.surfaces.reduce((sum, view) => sum + view.bytes, this.channels.bytes);
+    return this.surfaces.reduce((sum, view) => sum + view.bytes, this.besideSamples);
+  }
+
+  private get besideSamples(): number {
+    return this.channels.bytes + (this.background?.bytes ?? 0);
   }
 
   override dispose(): void {
@@ -147,6 +160,7 @@ export class LightFieldObject extends Group {
     this.surfaces.forEach((view) => view.dispose());
     this.depthOnly.dispose();
     this.channels.dispose();
+    this.background?.dispose();
     this.uniforms.lfParts.value.dispose();
     super.dispose();
   }

@@ -3,7 +3,7 @@
 import { DataUtils } from 'three';
 import { FormatError } from '../format/bytes.ts';
 import { openFile } from '../format/header.ts';
-import type { FieldSurface } from '../field/light-field.ts';
+import { type FieldSurface, type LightField, fieldDirections } from '../field/light-field.ts';
 import type { Layers } from './textures.ts';
 
 /** 1 in half-float. */
@@ -28,6 +28,21 @@ export function* rawLayers(file: Uint8Array, surface: FieldSurface, directions: 
     const part = payload.subarray(from, to);
     yield { x: 0, y, width, height: band, data: header.bits === 8 ? bytesOf(part, lit, directions) : halves(floats(part), lit, directions, factor) };
   }
+}
+
+/** Loads the raw radiance of a surface and hands it over in bands of at most `bytes`, as long as `wanted` says so. Whether it came to its end. */
+export async function writeRaw(
+  field: LightField, surface: FieldSurface, bytes: number, wanted: () => boolean, write: (layers: Layers) => void,
+): Promise<boolean> {
+  if (!field.loadRaw) throw new Error('the package kept no raw radiance; bake with --raw u8 or --raw f32');
+  const file = await field.loadRaw(surface.index);
+  for (const layers of rawLayers(file, surface, fieldDirections(field), 2 ** field.exposureStops, bytes)) {
+    if (!wanted()) return false;
+    write(layers);
+    // A breath between bands: the view must not freeze while hundreds of megabytes are sorted.
+    await new Promise((resolve) => setTimeout(resolve));
+  }
+  return wanted();
 }
 
 /** From texel by texel to direction by direction. */

@@ -8,6 +8,8 @@ import coverPart from '../../../../shaders/lf_cover.glsl?raw';
 import depthFragment from '../../../../shaders/lf_depth.frag?raw';
 import depthVertex from '../../../../shaders/lf_depth.vert?raw';
 import draft from '../../../../shaders/lf_draft.glsl?raw';
+import environmentFragment from '../../../../shaders/lf_environment.frag?raw';
+import environmentVertex from '../../../../shaders/lf_environment.vert?raw';
 import errorFragment from '../../../../shaders/lf_error.frag?raw';
 import meanScheme from '../../../../shaders/lf_mean.glsl?raw';
 import screenFragment from '../../../../shaders/lf_screen.frag?raw';
@@ -35,6 +37,7 @@ export const surfaceProgram = (scheme: Scheme): Program => ({
 });
 
 export const depthProgram: Program = { vertex: join(depthVertex), fragment: join(coverPart, depthFragment) };
+export const environmentProgram: Program = { vertex: join(environmentVertex), fragment: join(common, environmentFragment) };
 export const errorProgram: Program = { vertex: join(screenVertex), fragment: join(common, errorFragment) };
 export const screenProgram: Program = { vertex: join(screenVertex), fragment: join(common, screenFragment) };
 
@@ -54,6 +57,7 @@ export function shaderVariants(): { name: string; stage: 'vert' | 'frag'; source
     { ...variant, name: `${variant.name}-blend`, defines: [...variant.defines, 'LF_COVER 2'] },
   ]);
   const others = [
+    { name: 'environment', program: environmentProgram, defines: [] },
     { name: 'error', program: errorProgram, defines: [] },
     { name: 'screen', program: screenProgram, defines: [] },
   ];

@@ -23,15 +23,20 @@ it('what is blended is drawn from the farthest to the nearest, from every eye', 
 });
 
 it('opacities are halved until they fit, the largest first', () => {
-  const images = [{ width: 64, height: 64 }, { width: 32, height: 16 }];
-  expect(fitChannels(images, 1e6, 2048)).toEqual([0, 0]);
-  expect(fitChannels(images, 2000, 2048)).toEqual([1, 0]);
-  expect(fitChannels(images, 1, 2048)).toEqual([6, 5]);
-  expect(fitChannels([{ width: 5000, height: 10 }], 1e9, 2048)).toEqual([2]);
+  const images = [{ width: 64, height: 64, each: 1 }, { width: 32, height: 16, each: 1 }] as const;
+  expect(fitChannels([...images], 1e6, 2048)).toEqual([0, 0]);
+  expect(fitChannels([...images], 2000, 2048)).toEqual([1, 0]);
+  expect(fitChannels([...images], 1, 2048)).toEqual([6, 5]);
+  expect(fitChannels([{ width: 5000, height: 10, each: 1 }], 1e9, 2048)).toEqual([2]);
+  // A colour counts four times.
+  expect(fitChannels([{ width: 32, height: 32, each: 4 }, { width: 32, height: 32, each: 1 }], 2048, 2048)).toEqual([1, 0]);
   expect(fitChannels([], 0, 2048)).toEqual([]);
 });
 
 it('half an opacity is the mean of four', () => {
-  expect([...halve({ width: 2, height: 2, bytes: Uint8Array.of(0, 255, 255, 0) }).bytes]).toEqual([128]);
-  expect(halve({ width: 1, height: 4, bytes: Uint8Array.of(0, 0, 200, 100) })).toEqual({ width: 1, height: 2, bytes: Uint8Array.of(0, 150) });
+  const one = { each: 1, srgb: false } as const;
+  expect([...halve({ ...one, width: 2, height: 2, bytes: Uint8Array.of(0, 255, 255, 0) }).bytes]).toEqual([128]);
+  expect(halve({ ...one, width: 1, height: 4, bytes: Uint8Array.of(0, 0, 200, 100) })).toEqual({ ...one, width: 1, height: 2, bytes: Uint8Array.of(0, 150) });
+  const colours = Uint8Array.of(0, 10, 20, 255, 100, 30, 40, 255);
+  expect([...halve({ each: 4, srgb: true, width: 2, height: 1, bytes: colours }).bytes]).toEqual([50, 20, 30, 255]);
 });

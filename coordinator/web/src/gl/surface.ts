@@ -16,8 +16,8 @@ import type { Costs } from '../field/budget.ts';
 import type { Scheme } from '../viewer/api.ts';
 import type { ChannelTextures } from './channels.ts';
 import { type CoverUniforms, type SharedUniforms, type SurfaceUniforms, arrayMaterial, meanMaterial, streamedMaterial } from './material.ts';
-import { type SurfaceMesh, sortMesh, surfaceMeshes } from './meshes.ts';
-import { rawLayers } from './raw.ts';
+import { type SurfaceMesh, setMaterial, sortMesh, surfaceMeshes } from './meshes.ts';
+import { writeRaw } from './raw.ts';
 import { type Held, meanTexture, sampleTexture, streamBytes, streamTextures, writeLayers, writeMean } from './textures.ts';
 
 /** Bytes of a block once expanded: a few frames' worth of upload. */
@@ -68,7 +68,7 @@ export class SurfaceView {
     this.base = { ...shared, ...own };
     this.group.name = surface.name;
     this.meshes = surfaceMeshes(surface, this.group, channels, depthOnly, (cover) => meanMaterial(this.base, this.nothing, false, cover));
-    this.empty = this.meshes.map(({ mesh }) => mesh.material);
+    this.empty = this.meshes.map(({ meshes }) => meshes[0].material);
   }
 
   /** Whether what lies behind shows through some of it. */
@@ -213,11 +213,12 @@ export class SurfaceView {
    * looked up is one place a pixel, and what is blended none.
    */
   setOutput(output: number): void {
-    for (const { mesh, cover } of this.meshes) {
+    for (const { meshes, cover } of this.meshes) {
       if (!cover?.blended) continue;
-      mesh.visible = output !== 2;
-      mesh.material.blendSrcAlpha = output === 1 ? ZeroFactor : OneFactor;
-      mesh.material.blendDstAlpha = output === 1 ? OneFactor : OneMinusSrcAlphaFactor;
+      meshes.forEach((mesh) => (mesh.visible = output !== 2));
+      const { material } = meshes[0];
+      material.blendSrcAlpha = output === 1 ? ZeroFactor : OneFactor;
+      material.blendDstAlpha = output === 1 ? OneFactor : OneMinusSrcAlphaFactor;
     }
   }
 
@@ -225,8 +226,8 @@ export class SurfaceView {
     this.drop();
     this.empty.forEach((material) => material.dispose());
     this.nothing.dispose();
-    for (const { mesh, depth, cover } of this.meshes) {
-      mesh.geometry.dispose();
+    for (const { meshes, depth, cover } of this.meshes) {
+      meshes[0].geometry.dispose();
       // The pre-pass of what covers all is another's.
       if (cover) depth?.material.dispose();
     }
@@ -236,11 +237,11 @@ export class SurfaceView {
     const look = this.looks[this.look] ? this.look : 'shown';
     const drawable = this.looks[look];
     if (!drawable) return;
-    this.meshes.forEach(({ mesh, uniforms }, k) => {
+    this.meshes.forEach((it, k) => {
       const key = `${look} ${this.hardware} ${k}`;
       let material = this.materials.get(key);
-      if (!material) this.materials.set(key, (material = drawable.material(this.hardware, uniforms)));
-      mesh.material = material;
+      if (!material) this.materials.set(key, (material = drawable.material(this.hardware, it.uniforms)));
+      setMaterial(it, material);
     });
   }
 
@@ -277,25 +278,19 @@ export class SurfaceView {
   }
 
   /** Whether it came to its end: not where the texture was let go of meanwhile. */
-  private async writeRaw(renderer: WebGLRenderer, target: { held: Held<DataArrayTexture>; layout: ArrayLayout }, each: () => void): Promise<boolean> {
-    if (!this.field.loadRaw) throw new Error('the package kept no raw radiance; bake with --raw u8 or --raw f32');
+  private writeRaw(renderer: WebGLRenderer, { held, layout }: { held: Held<DataArrayTexture>; layout: ArrayLayout }, each: () => void): Promise<boolean> {
     const { generation, rawGeneration } = this;
-    const file = await this.field.loadRaw(this.surface.index);
-    const directions = fieldDirections(this.field);
-    for (const layers of rawLayers(file, this.surface, directions, 2 ** this.field.exposureStops, BLOCK_BYTES)) {
-      if (generation !== this.generation || rawGeneration !== this.rawGeneration) return false;
-      writeLayers(renderer, target.held.texture, target.layout, this.surface.plan, directions, layers);
+    const wanted = () => generation === this.generation && rawGeneration === this.rawGeneration;
+    return writeRaw(this.field, this.surface, BLOCK_BYTES, wanted, (layers) => {
+      writeLayers(renderer, held.texture, layout, this.surface.plan, fieldDirections(this.field), layers);
       each();
-      // A breath between bands: the view must not freeze while hundreds of megabytes are sorted.
-      await new Promise((resolve) => setTimeout(resolve));
-    }
-    return generation === this.generation && rawGeneration === this.rawGeneration;
+    });
   }
 
   private drop(): void {
     new Set(Object.values(this.looks).flatMap((look) => look.textures)).forEach((texture) => texture.dispose());
     for (const look of Object.keys(this.looks)) delete this.looks[look as Look];
-    this.meshes.forEach(({ mesh }, k) => (mesh.material = this.empty[k]));
+    this.meshes.forEach((it, k) => setMaterial(it, this.empty[k]));
     this.materials.forEach((material) => material.dispose());
     this.materials.clear();
     this.samples = null;

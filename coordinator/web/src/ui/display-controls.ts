@@ -1,7 +1,7 @@
-/** How the light field is drawn: mode, texel grid, exposure, and for those who compare, scheme and filter. */
+/** How the light field is drawn: mode, texel grid, environment, exposure, and for those who compare, scheme and filter. */
 
 import type { KilnViewerElement, ViewMode, ViewerModel } from '../viewer/api.ts';
-import { el, setText } from './dom.ts';
+import { el, setHidden, setText } from './dom.ts';
 
 const MODES: [ViewMode, string][] = [
   ['light-field', 'Full light field'],
@@ -34,6 +34,8 @@ export class DisplayControls {
   readonly element = el('div', { class: 'controls' });
   private readonly modes = new Map<ViewMode, HTMLInputElement>();
   private readonly grid = el('input', { type: 'checkbox' });
+  private readonly environment = el('input', { type: 'checkbox' });
+  private readonly environmentRow = el('label', { class: 'check', hidden: true }, this.environment, 'Environment');
   private readonly scheme = select(SCHEMES);
   private readonly noError = el('p', { class: 'hint', id: 'error-mode-reason' });
   private readonly noRaw = el('p', { class: 'hint', id: 'raw-scheme-reason' });
@@ -45,6 +47,7 @@ export class DisplayControls {
     this.element.append(
       this.modeGroup(),
       el('label', { class: 'check' }, this.grid, 'Texel grid'),
+      this.environmentRow,
       this.exposureRow(),
       field('Scheme', this.scheme),
       this.noRaw,
@@ -56,6 +59,8 @@ export class DisplayControls {
     filter.addEventListener('change', () => (viewer.filter = filter.value as KilnViewerElement['filter']));
     this.grid.checked = viewer.texelGrid;
     this.grid.addEventListener('change', () => (viewer.texelGrid = this.grid.checked));
+    this.environment.checked = !viewer.hideEnvironment;
+    this.environment.addEventListener('change', () => (viewer.hideEnvironment = !this.environment.checked));
     viewer.addEventListener('model', () => this.sync());
     // The viewer falls back to the full light field, or to a scheme of its choice, where what was asked for fails.
     viewer.addEventListener('error', () => queueMicrotask(() => this.sync()));
@@ -74,6 +79,11 @@ export class DisplayControls {
     this.grid.click();
   }
 
+  /** Shows or hides the environment, where there is one. */
+  toggleEnvironment(): void {
+    if (!this.environmentRow.hidden) this.environment.click();
+  }
+
   private modeGroup(): HTMLElement {
     const group = el('fieldset', {}, el('legend', {}, 'Show'));
     for (const [mode, label] of MODES) {
@@ -90,6 +100,7 @@ export class DisplayControls {
   private sync(): void {
     const { model, mode, scheme } = this.viewer;
     const raw = model?.hasRaw ?? false;
+    setHidden(this.environmentRow, model?.environment == null);
     for (const [name, input] of this.modes) {
       input.checked = name === mode;
       if (name === 'error') input.disabled = !raw;

@@ -29,6 +29,7 @@ export function inspectorPanel(viewer: KilnViewerElement, fileName: () => string
   const keys: ShortcutActions = {
     mode: (index) => controls.setMode(MODES[index]),
     toggleGrid: () => controls.toggleGrid(),
+    toggleEnvironment: () => controls.toggleEnvironment(),
     toggleStatistics: () => statistics.toggle(),
     inspectCentre,
     close: () => {

@@ -9,6 +9,7 @@ import { el } from './dom.ts';
 export interface ShortcutActions {
   mode(index: 0 | 1 | 2): void;
   toggleGrid(): void;
+  toggleEnvironment(): void;
   toggleStatistics(): void;
   inspectCentre(): void;
   /** Closes what is open; false where nothing was. */
@@ -22,6 +23,7 @@ const KEYS: [string[], string][] = [
   [['Home'], 'back to the first view'],
   [['1', '2', '3'], 'full light field, diffuse only, error against raw'],
   [['g'], 'texel grid'],
+  [['e'], 'the environment behind the scene'],
   [['i'], 'statistics'],
   [['c'], 'inspect the texel at the centre of the view; so does Enter on the view'],
   [['Esc'], 'close the hemisphere'],
@@ -48,6 +50,7 @@ export function installShortcuts(actions: ShortcutActions, places: readonly HTML
     '2': () => actions.mode(1),
     '3': () => actions.mode(2),
     g: actions.toggleGrid,
+    e: actions.toggleEnvironment,
     i: actions.toggleStatistics,
     c: actions.inspectCentre,
     '?': openHelp,

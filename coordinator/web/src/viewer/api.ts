@@ -64,6 +64,8 @@ export interface ViewerModel {
   bounds: { low: [number, number, number]; high: [number, number, number] };
   /** Names of the author's cameras, distinct. */
   cameras: string[];
+  /** The file of the environment, which is seen behind the scene unless `hideEnvironment` says otherwise; null without one. */
+  environment: string | null;
   /** Whether the package kept raw radiance, so that `error` can be drawn. */
   hasRaw: boolean;
   /** A job that still bakes, not a package. */
@@ -135,6 +137,8 @@ export interface KilnViewerElement extends HTMLElement {
   mode: ViewMode;
   /** Lines along texel borders. */
   texelGrid: boolean;
+  /** Leaves the environment, which is seen behind the scene, away: one colour is there then, as in scenes without an environment. */
+  hideEnvironment: boolean;
   /** 'auto' fits the memory budget; the others force one scheme for comparisons. */
   scheme: 'auto' | Exclude<Scheme, 'mean'>;
   /** 'hardware' lets the sampler interpolate between texels, 'exact' does it in the shader. */
@@ -170,7 +174,7 @@ export interface KilnViewerElement extends HTMLElement {
   toDataURL(type?: string, quality?: number): string;
   toBlob(options?: { mimeType?: string; qualityArgument?: number }): Promise<Blob>;
   /** A view of this size in floats, four a pixel, bottom row first. `radiance`: linear radiance x 2^stops, and as alpha the number of the chart, from 1,
-   * 0 behind the scene; what is not baked is 0. `lookup`: what is looked up there: u, v, and x and y of the direction toward the eye in the texel's frame.
+   * 0 behind the scene, where the environment is unless it is hidden; what is not baked is 0. `lookup`: what is looked up there: u, v, and x and y of the direction toward the eye in the texel's frame.
    * Chart and look-up are those of what is opaque; glass before it is in the radiance alone. */
   renderFloats(what: 'radiance' | 'lookup', width: number, height: number): Float32Array;
   /** Draws frames one after another, each finished before the next begins; their milliseconds. */

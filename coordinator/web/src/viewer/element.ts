@@ -8,13 +8,13 @@
 import { LightFieldLoader } from '../loader.ts';
 import type { ErrorDetail, KilnViewerElement, OrbitPosition, Scheme, TexelSample, ViewMode, ViewerModel, ViewerStats } from './api.ts';
 import { modelOf } from './model.ts';
-import { parseOrbit, parseVector, fieldOfView } from './parse.ts';
+import { fieldOfView, oneOf, parseOrbit, parseVector, positive } from './parse.ts';
+import { type Shell, describe, makeShell, showMessage, showPoster, showProgress } from './shell.ts';
 import { Stage } from './stage.ts';
-import { STYLE } from './style.ts';
 
 const ATTRIBUTES = [
   'src', 'alt', 'poster', 'loading', 'camera-controls', 'camera-orbit', 'camera-target', 'field-of-view', 'camera-name', 'auto-rotate', 'exposure',
-  'mode', 'scheme', 'filter', 'texel-grid', 'memory-budget',
+  'mode', 'scheme', 'filter', 'texel-grid', 'hide-environment', 'memory-budget',
 ];
 const MODES: ViewMode[] = ['light-field', 'diffuse', 'error'];
 const SCHEMES = ['auto', 'raw', 'expanded', 'streamed'] as const;
@@ -33,7 +33,7 @@ export class KilnViewer extends HTMLElement implements KilnViewerElement {
   private visible = false;
   private wasVisible = false;
   private readonly canvas: HTMLCanvasElement;
-  private readonly parts: { poster: HTMLElement; bar: HTMLElement; fill: HTMLElement; message: HTMLElement };
+  private readonly shell: Shell;
   private readonly resizer = new ResizeObserver(() => this.fit());
   private readonly watcher = new IntersectionObserver((entries) => this.seen(entries.some((entry) => entry.isIntersecting)));
   private readonly calm = matchMedia('(prefers-reduced-motion: reduce)');
@@ -45,28 +45,8 @@ export class KilnViewer extends HTMLElement implements KilnViewerElement {
   constructor() {
     super();
     const shadow = this.attachShadow({ mode: 'open' });
-    const sheet = new CSSStyleSheet();
-    sheet.replaceSync(STYLE);
-    shadow.adoptedStyleSheets = [sheet];
-    const make = (tag: string, name: string, parent: ParentNode & Node) => {
-      const element = document.createElement(tag);
-      element.className = name;
-      parent.appendChild(element);
-      return element;
-    };
-    this.canvas = make('canvas', 'canvas', shadow) as HTMLCanvasElement;
-    // What is slotted goes when the built-in part would.
-    const poster = make('div', 'poster', shadow);
-    make('slot', 'picture', poster).setAttribute('name', 'poster');
-    const bar = make('div', 'progress', shadow);
-    const barSlot = make('slot', '', bar);
-    barSlot.setAttribute('name', 'progress-bar');
-    const track = make('div', 'bar', barSlot);
-    const message = make('div', 'message', shadow);
-    message.setAttribute('role', 'alert');
-    message.hidden = true;
-    bar.hidden = true;
-    this.parts = { poster, bar, fill: make('div', '', track), message };
+    this.shell = makeShell(shadow);
+    this.canvas = this.shell.canvas;
     this.allowControls();
     this.canvas.addEventListener('pointerdown', ({ offsetX, offsetY, button }) => (this.pressed = button === 0 ? { x: offsetX, y: offsetY } : null));
     this.canvas.addEventListener('pointerup', ({ offsetX, offsetY }) => this.released(offsetX, offsetY));
@@ -113,11 +93,8 @@ export class KilnViewer extends HTMLElement implements KilnViewerElement {
 
   attributeChangedCallback(name: string, before: string | null, value: string | null): void {
     const { stage } = this;
-    if (name === 'alt') this.label();
-    if (name === 'poster') {
-      const url = value && JSON.stringify(new URL(value, document.baseURI).href);
-      (this.parts.poster.firstElementChild as HTMLElement).style.backgroundImage = url ? `url(${url})` : '';
-    }
+    if (name === 'alt') this.allowControls();
+    if (name === 'poster') showPoster(this.shell, value);
     if (!stage || before === value) return;
     const apply: Record<string, () => void> = {
       src: () => this.start(),
@@ -133,6 +110,7 @@ export class KilnViewer extends HTMLElement implements KilnViewerElement {
       'memory-budget': () => this.relay(),
       filter: () => (stage.options.hardware = this.filter === 'hardware'),
       'texel-grid': () => (stage.options.texelGrid = this.texelGrid),
+      'hide-environment': () => (stage.options.environment = !this.hideEnvironment),
     };
     apply[name]?.();
     stage.frames.request();
@@ -150,6 +128,8 @@ export class KilnViewer extends HTMLElement implements KilnViewerElement {
   set filter(filter: 'hardware' | 'exact') { this.setAttribute('filter', filter); }
   get texelGrid(): boolean { return this.hasAttribute('texel-grid'); }
   set texelGrid(on: boolean) { this.toggleAttribute('texel-grid', on); }
+  get hideEnvironment(): boolean { return this.hasAttribute('hide-environment'); }
+  set hideEnvironment(on: boolean) { this.toggleAttribute('hide-environment', on); }
   get exposure(): number { return positive(this.getAttribute('exposure'), 1); }
   set exposure(factor: number) { this.setAttribute('exposure', String(factor)); }
   get memoryBudget(): number { return positive(this.getAttribute('memory-budget'), BUDGET_MIB); }
@@ -268,8 +248,7 @@ export class KilnViewer extends HTMLElement implements KilnViewerElement {
   private drawn(): void {
     if (!this.stage) return;
     this.stage.drawNow();
-    this.parts.poster.hidden = true;
-    this.parts.bar.hidden = true;
+    this.shell.poster.hidden = true;
     this.progress(1);
     this.complete = true;
     this.dispatchEvent(new CustomEvent('load', { detail: { url: this.src } }));
@@ -285,21 +264,18 @@ export class KilnViewer extends HTMLElement implements KilnViewerElement {
   }
 
   private progress(share: number): void {
-    this.parts.bar.hidden = share >= 1;
-    this.parts.fill.style.transform = `scaleX(${share})`;
+    showProgress(this.shell, share);
     this.dispatchEvent(new CustomEvent('progress', { detail: { totalProgress: share } }));
   }
 
   private fail(detail: ErrorDetail): void {
-    this.parts.bar.hidden = true;
-    this.parts.message.hidden = false;
-    this.parts.message.textContent = detail.message;
+    showProgress(this.shell, 1);
+    showMessage(this.shell, detail.message);
     this.dispatchEvent(new CustomEvent('error', { detail }));
   }
 
   private clearMessage(): void {
-    this.parts.message.hidden = true;
-    this.parts.message.textContent = '';
+    showMessage(this.shell, '');
   }
 
   private released(x: number, y: number): void {
@@ -312,21 +288,10 @@ export class KilnViewer extends HTMLElement implements KilnViewerElement {
     this.stage?.resize(this.clientWidth, this.clientHeight, Math.min(devicePixelRatio, 2));
   }
 
-  /** Who may not move the camera is not told how, and scrolls past. */
   private allowControls(): void {
     const on = this.hasAttribute('camera-controls') && this.getAttribute('camera-controls') !== 'false';
     if (this.stage) this.stage.controls.enabled = on;
-    this.canvas.classList.toggle('still', !on);
-    if (on) this.canvas.tabIndex = 0;
-    else this.canvas.removeAttribute('tabindex');
-    this.canvas.setAttribute('role', on ? 'application' : 'img');
-    this.label();
-  }
-
-  private label(): void {
-    const keys = 'Arrow keys turn, Shift and arrow keys move, plus and minus zoom, Home resets, Enter inspects the texel in the middle.';
-    const name = this.alt || 'Baked scene';
-    this.canvas.setAttribute('aria-label', this.canvas.classList.contains('still') ? name : `${name}. ${keys}`);
+    describe(this.canvas, this.alt, on);
   }
 
   private readonly rotation = (): void => {
@@ -334,15 +299,6 @@ export class KilnViewer extends HTMLElement implements KilnViewerElement {
     this.stage.autoRotate = this.autoRotate && this.visible && !this.calm.matches;
     if (this.stage.autoRotate) this.stage.frames.request();
   };
-}
-
-function oneOf<T extends string>(known: readonly T[], value: string | null, otherwise: T): T {
-  return known.find((item) => item === value) ?? otherwise;
-}
-
-function positive(text: string | null, otherwise: number): number {
-  const value = Number(text);
-  return text !== null && Number.isFinite(value) && value > 0 ? value : otherwise;
 }
 
 if (!customElements.get('kiln-viewer')) customElements.define('kiln-viewer', KilnViewer);

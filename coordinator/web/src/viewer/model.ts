@@ -1,7 +1,8 @@
-/** What is loaded, for lists and inspectors. */
+/** What is loaded and how it is drawn, for lists and inspectors. */
 
+import type { WebGLRenderer } from 'three';
 import type { LightFieldObject } from '../gl/object.ts';
-import type { ViewerModel } from './api.ts';
+import type { Scheme, ViewerModel, ViewerStats } from './api.ts';
 import { cameraNames } from './cameras.ts';
 
 export function modelOf(object: LightFieldObject): ViewerModel {
@@ -36,7 +37,25 @@ export function modelOf(object: LightFieldObject): ViewerModel {
     exposureStops: field.exposureStops,
     bounds: field.bounds,
     cameras: cameraNames(field.container.scene.cameras),
+    environment: field.container.scene.environment?.name ?? null,
     hasRaw: field.loadRaw !== null,
     live: field.manifest === null,
+  };
+}
+
+/** Figures of the frame that `renderer` drew last; `drawing` are those that its owner keeps. */
+export function statsOf(
+  object: LightFieldObject | null, renderer: WebGLRenderer, drawing: Pick<ViewerStats, 'fps' | 'frameMs' | 'budgetBytes' | 'firstPictureMs' | 'busy'>,
+): ViewerStats {
+  const { render } = renderer.info;
+  const schemes: Partial<Record<Scheme, number>> = {};
+  for (const { scheme } of object?.surfaces ?? []) if (scheme) schemes[scheme] = (schemes[scheme] ?? 0) + 1;
+  return {
+    ...drawing,
+    drawCalls: render.calls,
+    triangles: render.triangles,
+    textureBytes: object?.bytes ?? 0,
+    codec: String(object?.field.container.plan.settings.codec ?? ''),
+    schemes,
   };
 }

@@ -1,4 +1,4 @@
-/** Values of camera attributes, in model-viewer's notation: `45deg 75deg 4m`, `0m 1m 0m`, `30deg`; bare numbers are degrees and metres. */
+/** Values of attributes; those of cameras in model-viewer's notation: `45deg 75deg 4m`, `0m 1m 0m`, `30deg`; bare numbers are degrees and metres. */
 
 import type { OrbitPosition } from './api.ts';
 
@@ -37,4 +37,15 @@ export function parseOrbit(text: string): OrbitPosition | null {
 export function parseVector(text: string): [number, number, number] | null {
   const parts = text.trim().split(/\s+/).map(parseLength);
   return parts.length === 3 && parts.every((v) => v !== null) ? (parts as [number, number, number]) : null;
+}
+
+/** A word of a list. */
+export function oneOf<T extends string>(known: readonly T[], value: string | null, otherwise: T): T {
+  return known.find((item) => item === value) ?? otherwise;
+}
+
+/** A number above zero. */
+export function positive(text: string | null, otherwise: number): number {
+  const value = Number(text);
+  return text !== null && Number.isFinite(value) && value > 0 ? value : otherwise;
 }

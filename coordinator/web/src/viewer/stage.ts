@@ -6,17 +6,18 @@
  */
 
 import { Scene, PerspectiveCamera, Vector2, Vector3, WebGLRenderer } from 'three';
-import { type Camera, DEFAULT_FIELD_OF_VIEW, defaultCamera } from '../field/camera.ts';
-import { length, sub } from '../field/frame.ts';
+import { type Camera, DEFAULT_FIELD_OF_VIEW } from '../field/camera.ts';
 import { type LightField, makeLiveField } from '../field/light-field.ts';
 import { parseContainer } from '../format/container.ts';
 import { parseSegments } from '../format/segment.ts';
 import { LightFieldObject } from '../gl/object.ts';
 import { Painter } from '../gl/painter.ts';
-import type { ErrorDetail, OrbitPosition, Scheme, TexelSample, ViewMode, ViewerStats } from './api.ts';
-import { cameraNames, viewOf } from './cameras.ts';
+import type { ErrorDetail, TexelSample, ViewerStats } from './api.ts';
 import { ViewControls } from './controls.ts';
+import { type CameraGoals, firstView, fitClipPlanes, sceneRadius } from './first-view.ts';
 import { Frames } from './frames.ts';
+import { statsOf } from './model.ts';
+import { type StageOptions, usualOptions } from './options.ts';
 import { pick } from './pick.ts';
 
 export interface StageEvents {
@@ -30,31 +31,10 @@ export interface StageEvents {
   restored(): void;
 }
 
-/** What is asked of the first view; what is left out is chosen. */
-export interface CameraGoals {
-  orbit?: OrbitPosition;
-  target?: [number, number, number];
-  /** Vertical, degrees. */
-  fieldOfView?: number;
-  /** One of the author's cameras. */
-  name?: string;
-}
-
-/** How things are drawn; the element's attributes. */
-export interface StageOptions {
-  mode: ViewMode;
-  scheme: 'auto' | Exclude<Scheme, 'mean'>;
-  hardware: boolean;
-  exposure: number;
-  texelGrid: boolean;
-  /** Bytes. */
-  budget: number;
-}
-
 export class Stage {
   readonly controls: ViewControls;
   readonly frames: Frames;
-  readonly options: StageOptions = { mode: 'light-field', scheme: 'auto', hardware: true, exposure: 1, texelGrid: false, budget: 512 << 20 };
+  readonly options: StageOptions = usualOptions();
   object: LightFieldObject | null = null;
   private goals: CameraGoals = {};
   private readonly listening = new AbortController();
@@ -173,24 +153,12 @@ export class Stage {
     this.home();
   }
 
-  /** The first view: what was asked of it, and for the rest the author's camera of that name, or what `field/camera.ts` chooses. */
+  /** The first view. */
   home(): void {
     if (!this.object) return;
-    const { orbit, target, fieldOfView } = this.goals;
-    const chosen = this.firstCamera(this.object.field, fieldOfView);
-    const centre = target ?? chosen.target;
-    const offset = sub(chosen.eye, chosen.target);
     this.placed = false;
-    this.put({ ...chosen, eye: [centre[0] + offset[0], centre[1] + offset[1], centre[2] + offset[2]], target: centre });
-    if (orbit) this.controls.position = orbit;
-  }
-
-  private firstCamera({ container, bounds }: LightField, fieldOfView?: number): Camera {
-    const { cameras } = container.scene;
-    const named = cameras[cameraNames(cameras).indexOf(this.goals.name ?? '')];
-    if (!named) return defaultCamera(container, this.camera.aspect, fieldOfView);
-    const view = viewOf(named, bounds, this.camera.aspect);
-    return { ...view, fieldOfView: fieldOfView ?? view.fieldOfView };
+    this.put(firstView(this.object.field, this.goals, this.camera.aspect));
+    if (this.goals.orbit) this.controls.position = this.goals.orbit;
   }
 
   /** Whether somebody chose the camera: a page, or a person who moved it. */
@@ -206,7 +174,8 @@ export class Stage {
   private put({ eye, target, fieldOfView }: Camera): void {
     this.camera.fov = fieldOfView;
     this.camera.updateProjectionMatrix();
-    this.controls.place(new Vector3(...eye), new Vector3(...target), this.sceneRadius());
+    const radius = this.object ? sceneRadius(this.object.field.bounds) : 1;
+    this.controls.place(new Vector3(...eye), new Vector3(...target), radius);
   }
 
   getCamera(): Camera {
@@ -238,6 +207,7 @@ export class Stage {
     this.camera.aspect = width / height;
     this.camera.updateProjectionMatrix();
     this.fitClipPlanes();
+    this.setLook(this.object);
     const out = this.painter.read(this.scene, this.camera, this.object, what, this.options, width, height);
     this.camera.aspect = aspect;
     this.camera.updateProjectionMatrix();
@@ -250,21 +220,9 @@ export class Stage {
   }
 
   stats(): ViewerStats {
-    const { render } = this.renderer.info;
-    const schemes: Partial<Record<Scheme, number>> = {};
-    for (const { scheme } of this.object?.surfaces ?? []) if (scheme) schemes[scheme] = (schemes[scheme] ?? 0) + 1;
-    return {
-      fps: this.frames.fps,
-      frameMs: this.frames.lastMs,
-      drawCalls: render.calls,
-      triangles: render.triangles,
-      textureBytes: this.object?.bytes ?? 0,
-      budgetBytes: this.options.budget,
-      firstPictureMs: this.firstPictureMs,
-      codec: String(this.object?.field.container.plan.settings.codec ?? ''),
-      schemes,
-      busy: this.working > 0,
-    };
+    const { frames, firstPictureMs } = this;
+    const drawing = { fps: frames.fps, frameMs: frames.lastMs, budgetBytes: this.options.budget, firstPictureMs, busy: this.working > 0 };
+    return statsOf(this.object, this.renderer, drawing);
   }
 
   dispose(): void {
@@ -287,31 +245,21 @@ export class Stage {
     } else {
       this.rotatedAt = 0;
     }
-    if (object) {
-      object.uniforms.lfExposure.value = options.exposure;
-      object.uniforms.lfTexelGrid.value = options.texelGrid ? 1 : 0;
-    }
+    if (object) this.setLook(object);
     this.fitClipPlanes();
     this.renderer.info.reset();
     this.painter.draw(this.scene, this.camera, object, options.mode, options.hardware);
   }
 
-  /** Clip planes around the scene as the eye sees it: depth is precise from a millimetre to a cathedral. */
-  private fitClipPlanes(): void {
-    if (!this.object) return;
-    const { low, high } = this.object.field.bounds;
-    const centre = new Vector3(...low).add(new Vector3(...high)).multiplyScalar(0.5);
-    const radius = this.sceneRadius();
-    const distance = this.camera.position.distanceTo(centre);
-    this.camera.near = Math.max(distance - radius * 1.01, radius * 1e-3);
-    this.camera.far = distance + radius * 1.01;
-    this.camera.updateProjectionMatrix();
+  private setLook({ uniforms, background }: LightFieldObject): void {
+    const { exposure, texelGrid, environment } = this.options;
+    uniforms.lfExposure.value = exposure;
+    uniforms.lfTexelGrid.value = texelGrid ? 1 : 0;
+    if (background) background.visible = environment;
   }
 
-  private sceneRadius(): number {
-    if (!this.object) return 1;
-    const { low, high } = this.object.field.bounds;
-    return length(sub(high, low)) / 2 || 1;
+  private fitClipPlanes(): void {
+    if (this.object) fitClipPlanes(this.camera, this.object.field.bounds);
   }
 
   private cameraMoved(): void {

@@ -1,0 +1,70 @@
+/**
+ * The environment of a scene as what lies behind it: one triangle over the view, drawn before everything else in the same pass, so that glass is blended
+ * over it and edges are smoothed against it. A sphere around the camera would need nothing of the projection and be cut by its far plane.
+ */
+
+import {
+  BufferAttribute, BufferGeometry, ClampToEdgeWrapping, DataTexture, GLSL3, HalfFloatType, LinearFilter, Mesh, NoBlending, RGBAFormat, RawShaderMaterial,
+  RepeatWrapping,
+} from 'three';
+import type { Environment } from '../format/environment.ts';
+import type { SharedUniforms } from './material.ts';
+import { environmentProgram } from './shaders.ts';
+import { toHalf } from './textures.ts';
+
+/** Before the pre-passes of all surfaces. */
+const BEFORE_ALL = -2000;
+
+export class Background extends Mesh<BufferGeometry, RawShaderMaterial> {
+  /** Bytes of its texture. */
+  readonly bytes: number;
+  private readonly picture: DataTexture;
+
+  constructor(environment: Environment, shared: SharedUniforms) {
+    const picture = pictureOf(environment);
+    const { lfOutput, lfExposure, lfDraftExposure } = shared;
+    const geometry = new BufferGeometry();
+    geometry.setAttribute('position', new BufferAttribute(new Float32Array([-1, -1, 0, 3, -1, 0, -1, 3, 0]), 3));
+    const material = new RawShaderMaterial({
+      name: 'kiln-environment',
+      glslVersion: GLSL3,
+      vertexShader: environmentProgram.vertex,
+      fragmentShader: environmentProgram.fragment,
+      uniforms: { lfEnvironment: { value: picture }, lfTurns: { value: turnsOf(environment.rotation) }, lfOutput, lfExposure, lfDraftExposure },
+      depthTest: false,
+      depthWrite: false,
+      blending: NoBlending,
+    });
+    super(geometry, material);
+    this.picture = picture;
+    this.bytes = environment.width * environment.height * 8;
+    this.frustumCulled = false;
+    this.renderOrder = BEFORE_ALL;
+  }
+
+  /** There is nothing to pick. */
+  override raycast(): void {}
+
+  override dispose(): void {
+    this.picture.dispose();
+    this.geometry.dispose();
+    this.material.dispose();
+  }
+}
+
+/** The fraction of a turn: many turns would leave a float no digits for where they end. */
+function turnsOf(rotation: number): number {
+  const turns = rotation / (2 * Math.PI);
+  return turns - Math.floor(turns);
+}
+
+function pictureOf({ width, height, texels }: Environment): DataTexture {
+  const rgba = new Float32Array(width * height * 4).fill(1);
+  for (let t = 0; t < width * height; t++) rgba.set(texels.subarray(t * 3, t * 3 + 3), t * 4);
+  const picture = new DataTexture(toHalf(rgba) as Uint16Array<ArrayBuffer>, width, height, RGBAFormat, HalfFloatType);
+  picture.wrapS = RepeatWrapping;
+  picture.wrapT = ClampToEdgeWrapping;
+  picture.minFilter = picture.magFilter = LinearFilter;
+  picture.needsUpdate = true;
+  return picture;
+}
