@@ -2,7 +2,7 @@
 
 use super::{Resolver, frame::Frame};
 use crate::import::x3d::{
-    literal::{self, shown},
+    literal,
     syntax::{FieldItem, Span, Written},
     table::Access,
     value::{Base, FieldType, Store, Value},
