@@ -1,5 +1,6 @@
 //! Images: 8 bits a channel, with or without alpha, coded for the eye or linear.
 
+use crate::math;
 use serde::{Deserialize, Serialize};
 
 /// An image, row 0 at v = 0 (the bottom).
@@ -34,5 +35,16 @@ impl Texture {
     #[inline]
     pub fn channels(&self) -> usize {
         if self.has_alpha { 4 } else { 3 }
+    }
+
+    /// The least and the greatest linear value of a channel; what is interpolated lies between. Cost: linear in texels.
+    #[must_use]
+    pub fn range(&self, channel: usize) -> (f32, f32) {
+        let values = || self.texels.iter().skip(channel).step_by(self.channels());
+        let linear = |byte: u8| {
+            let coded = f32::from(byte) / 255.0;
+            if self.coding == Coding::Srgb && channel < 3 { math::srgb_eotf(coded) } else { coded }
+        };
+        (linear(values().copied().min().unwrap_or(0)), linear(values().copied().max().unwrap_or(u8::MAX)))
     }
 }

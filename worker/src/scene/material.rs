@@ -11,6 +11,40 @@ use kiln_proto::{
 /// The least share of a mapped normal that points along the surface's own: what a map turns further would look at the inside.
 const LEAST_HEIGHT: f32 = 0.02;
 
+/// Where the facets of a material are a perfect mirror.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Polish {
+    /// Nowhere: it has lobes, or no facets at all.
+    Nowhere,
+    /// Where a texture says so; elsewhere it is rough.
+    Somewhere,
+    /// Everywhere.
+    Everywhere,
+}
+
+impl Polish {
+    /// Of a material; a perfect mirror that is not made of facets is one everywhere. Cost: linear in the texels of a roughness texture.
+    pub(super) fn of(scene: &Scene, material: &Material) -> Self {
+        let (low, high) = match &material.reflection {
+            Reflection::Phong(Phong { lobe: Lobe::Mirror, specular, .. }) if specular.max_channel() > 0.0 => (0.0, 0.0),
+            Reflection::MetallicRoughness(m) => {
+                let (low, high) = m.metallic_roughness_texture.map_or((1.0, 1.0), |t| {
+                    let (low, high) = scene.textures[t.texture as usize].range(1);
+                    // Where a projector does not reach, the factor is alone.
+                    if matches!(t.mapping, Mapping::Uv { .. }) { (low, high) } else { (low, 1.0) }
+                });
+                (alpha_of(m.roughness * low), alpha_of(m.roughness * high))
+            }
+            Reflection::None | Reflection::Phong(_) => (1.0, 1.0),
+        };
+        match (low > 0.0, high > 0.0) {
+            (true, _) => Self::Nowhere,
+            (false, true) => Self::Somewhere,
+            (false, false) => Self::Everywhere,
+        }
+    }
+}
+
 impl BakeScene {
     /// A point of a primitive as textures see it.
     #[must_use]
