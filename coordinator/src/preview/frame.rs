@@ -26,22 +26,25 @@ pub struct Frame {
     pixels: Vec<Pixel>,
 }
 
-/// The pixels of rays: the light of their layers, the nearest first, each over what is seen of the next.
-pub(super) fn pixels<'a>(looked: &'a Looked, radiance: &'a [Option<Rgb>]) -> impl Iterator<Item = Pixel> + 'a {
+impl Pixel {
+    /// A ray that has seen nothing yet.
+    pub(super) const UNSEEN: Pixel = Pixel { radiance: Rgb::BLACK, background: Rgb::WHITE, chart: 0, found: false };
+}
+
+/// Adds the light of the next layers of rays, the nearest first, each over what is seen of the next.
+pub(super) fn add(pixels: &mut [Pixel], looked: &Looked, radiance: &[Option<Rgb>]) {
     let mut from = 0;
-    looked.counts.iter().map(move |count| {
+    for (pixel, count) in pixels.iter_mut().zip(&looked.counts) {
         let layers = from..from + usize::from(*count);
         from = layers.end;
-        let mut pixel = Pixel { radiance: Rgb::BLACK, background: Rgb::WHITE, chart: 0, found: !layers.is_empty() };
         for (seen, light) in looked.layers[layers.clone()].iter().zip(&radiance[layers]) {
-            pixel.chart = if pixel.chart == 0 { seen.chart } else { pixel.chart };
-            pixel.found &= light.is_some();
+            let is_first = pixel.chart == 0;
+            pixel.chart = if is_first { seen.chart } else { pixel.chart };
+            pixel.found = light.is_some() && (is_first || pixel.found);
             pixel.radiance += pixel.background * light.unwrap_or(Rgb::BLACK) * seen.veil.own;
             pixel.background = pixel.background * seen.veil.through;
         }
-        pixel.radiance += BACKGROUND * pixel.background;
-        pixel
-    })
+    }
 }
 
 impl Frame {
