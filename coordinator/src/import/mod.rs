@@ -18,6 +18,7 @@ mod name;
 pub mod obj;
 mod statistics;
 mod surfaces;
+mod tangents;
 mod texture;
 mod two_sided;
 mod uri;
@@ -81,6 +82,7 @@ fn import(bundle: &Bundle, options: &ImportOptions, findings: &mut Findings) -> 
     if findings.has_errors() {
         return None;
     }
+    tangents::complete(&mut scene);
     if let Some(group::Grouped { surfaces, atlases }) = group::group(&mut scene) {
         let message = format!("{surfaces} small surfaces share the textures of {}: {}", atlases.len(), listed(&atlases));
         findings.warn(At::file(main.as_str()), message);

@@ -48,3 +48,17 @@ impl Texture {
         (linear(values().copied().min().unwrap_or(0)), linear(values().copied().max().unwrap_or(u8::MAX)))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_range_of_a_channel_is_linear_and_its_own() {
+        let texels = vec![0, 51, 255, 102, 0, 255, 188, 204];
+        let t = Texture { name: "t".into(), width: 2, height: 1, coding: Coding::Linear, has_alpha: true, texels };
+        assert_eq!([t.range(0), t.range(1), t.range(3)], [(0.0, 0.0), (0.2, 1.0), (0.4, 0.8)]);
+        let colour = Texture { coding: Coding::Srgb, ..t };
+        assert_eq!((colour.range(1), colour.range(3)), ((math::srgb_eotf(0.2), 1.0), (0.4, 0.8)));
+    }
+}

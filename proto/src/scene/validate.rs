@@ -135,6 +135,9 @@ impl Scene {
                 return Err(InvalidScene::NotFinite { owner: format!("{what} {index}") });
             }
         }
+        if let Some(index) = self.tangents.iter().position(|t| !finite(&t[..3]) || t[3].abs() != 1.0) {
+            return Err(InvalidScene::NotFinite { owner: format!("tangent {index}") });
+        }
         if let Some(index) = self.colors.iter().position(|c| !c.iter().all(|v| (0.0..=1.0).contains(v))) {
             return Err(InvalidScene::NotFinite { owner: format!("vertex colour {index}") });
         }
@@ -183,7 +186,12 @@ impl Scene {
         for t in &s.triangles {
             t.corners.iter().try_for_each(|c| within(owner, "vertex", *c, self.positions.len()))?;
         }
-        for (what, corners, pool) in [("normals", &s.normals, self.normals.len()), ("colours", &s.colors, self.colors.len())] {
+        let pools = [
+            ("normals", &s.normals, self.normals.len()),
+            ("tangents", &s.tangents, self.tangents.len()),
+            ("colours", &s.colors, self.colors.len()),
+        ];
+        for (what, corners, pool) in pools {
             if !corners.is_empty() && corners.len() != all {
                 return Err(count(s, what, corners.len()));
             }
@@ -431,7 +439,7 @@ mod tests {
     #[test]
     fn the_canonical_bytes_never_change() {
         let bytes = scene().to_bytes().unwrap();
-        assert_eq!(Scene::hash_of(&bytes).to_string(), "843acd9bed7b9e793313eeed9bf74b08727c7c655c7a2e644be59343c2b9e7b6");
+        assert_eq!(Scene::hash_of(&bytes).to_string(), "d473d09ddddebf9704434b493b42ab889d0cef16d86e02274a7eb77443fb1700");
     }
 
     #[test]
@@ -459,6 +467,8 @@ mod tests {
         assert!(broken(short).contains("11 bytes"));
         assert!(broken(|s| s.surfaces[0].parts[0].triangles = 2).contains("2 triangles in its parts"));
         assert!(broken(|s| s.surfaces[0].normals = vec![[0; 3]]).contains("normals 0"));
+        assert!(broken(|s| s.surfaces[0].tangents = vec![[0; 3]]).contains("tangents 0"));
+        assert!(broken(|s| s.tangents = vec![[1.0, 0.0, 0.0, 0.5]]).contains("tangent 0"));
         assert!(broken(|s| s.surfaces[0].uv_sets = vec![vec![]]).contains("0 texture coordinates"));
         assert!(broken(|s| s.surfaces[0].parts[0].unlit_by = vec![3]).contains("light 3"));
         assert!(broken(|s| s.materials[0].opacity.factor = 1.5).contains("opacity"));

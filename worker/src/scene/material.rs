@@ -2,7 +2,7 @@
 
 use super::{BakeScene, Prim};
 use crate::bsdf::{Bsdf, Specular, coat::Coat, power::Exponent};
-use glam::Vec3;
+use glam::{Vec3, Vec4};
 use kiln_proto::{
     scene::{Lobe, Mapping, Material, MetallicRoughness, NormalMap, Phong, Place, Reflection, Scene, alpha_of, energy_scale},
     units::Rgb,
@@ -87,8 +87,8 @@ impl BakeScene {
 
     /// The normal that reflection sees at a point, in world space, for a surface normal `normal`; the same where there is no map.
     ///
-    /// The tangent is dP/du of the map's own coordinates, the bitangent's side follows from their handedness, as MikkTSpace has it for a triangle
-    /// by itself.
+    /// It lies along the tangents of the corners, interpolated and made orthogonal to the normal, or along dP/du of the map's own
+    /// coordinates where there are none; the bitangent is on the side that they say.
     #[inline]
     pub(super) fn mapped_normal(&self, prim: u32, bary: [f32; 2], normal: Vec3) -> Vec3 {
         match self.material_of(prim).normal_map {
@@ -108,8 +108,21 @@ impl BakeScene {
         (tangent * local.x + bitangent * local.y + normal * local.z).try_normalize()
     }
 
+    /// The tangent and the bitangent between the corners' tangents; `None` where the surface has none there.
+    fn smooth_tangents(&self, place: &Place, normal: Vec3) -> Option<(Vec3, Vec3)> {
+        let corners = self.scene.surfaces[place.surface as usize].tangents.get(place.triangle as usize)?;
+        let [a, b, c] = corners.map(|index| Vec4::from_array(self.scene.tangents[index as usize]));
+        let mixed = a * (1.0 - place.bary[0] - place.bary[1]) + b * place.bary[0] + c * place.bary[1];
+        let along = mixed.truncate();
+        let tangent = (along - normal * normal.dot(along)).try_normalize()?;
+        Some((tangent, normal.cross(tangent) * if mixed.w < 0.0 { -1.0 } else { 1.0 }))
+    }
+
     fn tangents(&self, map: &NormalMap, p: &Prim, place: &Place, normal: Vec3) -> Option<(Vec3, Vec3)> {
         let Mapping::Uv { set } = map.texture.mapping else { return None };
+        if let Some(smooth) = self.smooth_tangents(place, normal) {
+            return Some(smooth);
+        }
         let corners = self.scene.surfaces[p.surface as usize].uv(set as usize, place.triangle as usize)?;
         let moved = corners.map(|[u, v]| map.texture.transform.map(|row| row[0] * u + row[1] * v + row[2]));
         let (e1, e2) = (p.corners[1] - p.corners[0], p.corners[2] - p.corners[0]);

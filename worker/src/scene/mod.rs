@@ -8,6 +8,8 @@ mod prim;
 mod vertex;
 
 #[cfg(test)]
+mod tangent_tests;
+#[cfg(test)]
 mod tests;
 
 use crate::{

@@ -64,9 +64,9 @@ impl Vertex {
         if self.frame.normal.dot(direction) >= 0.0 { self.lifted } else { self.sunk }
     }
 
-    /// Where light from a point starts to be seen: the origin whose rays, by [`Vertex::origin`], can meet it. A smooth surface is lifted far and
-    /// sunk little, so the direction and the distance of a near light differ between the two, and so would its density. `None` between the
-    /// lifted and the sunk horizon, where no ray of either goes.
+    /// Where a point is seen from: the origin whose rays, by [`Vertex::origin`], can meet it. A smooth surface is lifted far and sunk
+    /// little, so direction and distance of a near light differ between the two, and so does its density. `None` between the lifted and
+    /// the sunk horizon, where no ray of either goes.
     #[must_use]
     #[inline]
     pub fn origin_toward(&self, point: Vec3) -> Option<Vec3> {

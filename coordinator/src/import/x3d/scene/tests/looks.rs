@@ -1,10 +1,12 @@
 //! Materials, textures, coordinates and places.
 
 use super::{Value::*, *};
+use base64::{Engine, prelude::BASE64_STANDARD};
 use kiln_proto::{
     scene::{AlphaMode, LayerMode, Lobe, Mapping, Phong, Reflection, Wrap},
     units::Rgb,
 };
+use serde_json::json;
 
 fn with_material(material: Node, rest: Vec<(&'static str, Value)>) -> Scene {
     let appearance = node("Appearance", std::iter::once(("material", Child(material))).chain(rest));
@@ -184,4 +186,39 @@ fn an_inlined_file_is_read_once_and_stands_wherever_it_is_used() {
     assert_eq!(scene.surfaces.iter().map(|s| s.name.as_str()).collect::<Vec<_>>(), ["chair", "chair-2"]);
     assert_eq!((scene.materials.len(), scene.bounds()), (1, ([0.0; 3], [6.0, 1.0, 0.0])));
     assert_eq!(phong(&scene).diffuse, Rgb::new(0.5, 0.25, 0.0));
+}
+
+/// The author's tangents of an inlined file turn with it, and a mirror changes the sides of their bitangents.
+#[test]
+fn tangents_of_an_inlined_file_stand_as_it_stands() {
+    let numbers: [&[f32]; 4] = [
+        &[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0],
+        &[0.0, 0.0, 1.0, 0.0, 0.6, 0.8, 0.0, 0.0, 1.0],
+        &[0.6, 0.8, 0.0, 1.0, 1.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 1.0],
+        &[0.0, 0.0, 1.0, 0.0, 0.0, 1.0],
+    ];
+    let (mut bytes, mut views, mut accessors) = (vec![], vec![], vec![]);
+    for (values, kind) in numbers.iter().zip(["VEC3", "VEC3", "VEC4", "VEC2"]) {
+        views.push(json!({"buffer": 0, "byteOffset": bytes.len(), "byteLength": 4 * values.len()}));
+        accessors.push(json!({"bufferView": views.len() - 1, "componentType": 5126, "type": kind, "count": 3}));
+        bytes.extend(values.iter().flat_map(|v| v.to_le_bytes()));
+    }
+    let mut png = std::io::Cursor::new(vec![]);
+    image::RgbImage::from_pixel(1, 1, image::Rgb([128, 128, 255])).write_to(&mut png, image::ImageFormat::Png).unwrap();
+    let coded = |bytes: &[u8]| format!("data:application/octet-stream;base64,{}", BASE64_STANDARD.encode(bytes));
+    let leaf = json!({
+        "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"material": 0, "attributes": {"POSITION": 0, "NORMAL": 1, "TANGENT": 2, "TEXCOORD_0": 3}}]}],
+        "materials": [{"normalTexture": {"index": 0}}], "textures": [{"source": 0}], "images": [{"uri": coded(png.get_ref())}],
+        "buffers": [{"byteLength": bytes.len(), "uri": coded(&bytes)}], "bufferViews": views, "accessors": accessors
+    });
+    let main =
+        "#X3D V3.3 utf8\nPointLight { }\nInline { url \"leaf.gltf\" }\nTransform { scale -1 1 1 children Inline { url \"leaf.gltf\" } }\n";
+    let parts = [("a.x3dv", main.as_bytes().to_vec()), ("leaf.gltf", leaf.to_string().into_bytes())];
+    let parts = parts.map(|(name, bytes)| Part { name: name.into(), content: Content::Bytes(bytes) });
+    let bundle = Bundle::from_parts(parts.to_vec(), Some("a.x3dv"), &std::env::temp_dir()).unwrap();
+    let scene = import_bundle(&bundle, &ImportOptions::default()).unwrap().scene;
+    let first = |s: usize| scene.surfaces[s].tangents[0].map(|t| scene.tangents[t as usize]);
+    assert_eq!(first(0), [[0.6, 0.8, 0.0, 1.0], [1.0, 0.0, 0.0, 1.0], [1.0, 0.0, 0.0, 1.0]]);
+    assert_eq!(first(1), [[-0.6, 0.8, 0.0, -1.0], [-1.0, 0.0, 0.0, -1.0], [-1.0, 0.0, 0.0, -1.0]]);
 }
