@@ -1,8 +1,9 @@
 //! Light paths: what arrives at a point from a direction, and what leaves a vertex toward one.
 //!
 //! A ray that leaves the scene sees the environment. Next-event estimation and continuation share every vertex by the balance heuristic.
-//! Depth counts as in Mitsuba: light that a texel emits has depth 1, direct light depth 2. There is no Russian roulette: `max_depth` bounds the cost, and roulette would trade it for noise that
-//! all directions of a texel share. Surfaces are one-sided: backs block, reflect nothing and emit nothing, unless the scene has a surface for them.
+//! Depth counts as in Mitsuba: light that a texel emits has depth 1, direct light depth 2. There is no Russian roulette: `max_depth` bounds the
+//! cost, and roulette would trade it for noise that all directions of a texel share. Surfaces are one-sided: backs block,
+//! reflect nothing and emit nothing, unless the scene has a surface for them.
 
 mod next_event;
 
@@ -172,7 +173,6 @@ impl<'a> Tracer<'a> {
                 let (radiance, light_pdf) = self.scene.beyond(direction);
                 Met::Sky { radiance: radiance * weight, light_pdf: if turned { 0.0 } else { light_pdf } }
             }
-            Seen::Dark => Met::Nothing,
         }
     }
 

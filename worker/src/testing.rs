@@ -244,11 +244,14 @@ pub(crate) fn add_back(scene: &mut Scene, front: usize, material: Material) {
     back.triangles.iter_mut().for_each(|t| turn(&mut t.corners));
     back.uv_sets.iter_mut().flatten().flatten().for_each(|c| c.swap(1, 2));
     back.colors.iter_mut().for_each(turn);
-    let first = scene.normals.len() as u32;
+    let mirrored: Vec<[f32; 4]> = scene.tangents.iter().map(|[x, y, z, side]| [*x, *y, *z, -side]).collect();
+    let firsts = [scene.normals.len() as u32, scene.tangents.len() as u32];
+    scene.tangents.extend(mirrored);
+    back.tangents.iter_mut().for_each(|c| *c = [c[0], c[2], c[1]].map(|k| k + firsts[1]));
     let reversed: Vec<[f32; 3]> = scene.normals.iter().map(|n| n.map(|v| -v)).collect();
     if !back.normals.is_empty() {
         scene.normals.extend(reversed);
-        back.normals.iter_mut().for_each(|c| *c = [c[0] + first, c[2] + first, c[1] + first]);
+        back.normals.iter_mut().for_each(|c| *c = [c[0], c[2], c[1]].map(|k| k + firsts[0]));
     }
     back.parts[0].material = scene.materials.len() as u32;
     scene.materials.push(material);

@@ -6,7 +6,10 @@
 //! shading, and the two sides of what is seen from both, whose atlases are a pair like the surfaces were. Every texel has the same density
 //! whatever the part, so classes of size would save nothing.
 
-use super::name::{Names, Stems};
+use super::{
+    name::{Names, Stems},
+    tangents,
+};
 use kiln_proto::scene::{Scene, Surface};
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -120,9 +123,10 @@ fn join(scene: &mut Scene, members: &[usize], name: String) -> Surface {
     let members: Vec<&Surface> = members.iter().map(|k| &scene.surfaces[*k]).collect();
     let sets = members.iter().map(|s| s.uv_sets.len()).max().unwrap_or(0);
     let mut out = Surface { name, uv_sets: vec![vec![]; sets], ..Surface::default() };
-    // A part without vertex colours among others that have them is white.
+    // A part without vertex colours among others that have them is white, one without tangents has those of its triangles.
     let white = members.iter().any(|s| !s.colors.is_empty()).then_some(scene.colors.len() as u32);
-    let mut needs_white = false;
+    let none = members.iter().any(|s| !s.tangents.is_empty()).then_some(scene.tangents.len() as u32);
+    let (mut needs_white, mut needs_none) = (false, false);
     let mut polygons = 0;
     for s in members {
         let first = polygons;
@@ -138,6 +142,11 @@ fn join(scene: &mut Scene, members: &[usize], name: String) -> Surface {
             }
         }
         out.normals.extend_from_slice(&s.normals);
+        out.tangents.extend_from_slice(&s.tangents);
+        if let (Some(none), true) = (none, s.tangents.is_empty()) {
+            out.tangents.extend(std::iter::repeat_n([none; 3], s.triangles.len()));
+            needs_none = true;
+        }
         out.colors.extend_from_slice(&s.colors);
         if let (Some(white), true) = (white, s.colors.is_empty()) {
             out.colors.extend(std::iter::repeat_n([white; 3], s.triangles.len()));
@@ -146,6 +155,9 @@ fn join(scene: &mut Scene, members: &[usize], name: String) -> Surface {
     }
     if needs_white {
         scene.colors.push([1.0; 4]);
+    }
+    if needs_none {
+        scene.tangents.push(tangents::NONE);
     }
     out
 }
@@ -214,6 +226,7 @@ mod tests {
         let mut many = scene(40, |_| 0);
         many.surfaces[7].colors = vec![[0; 3]; 2];
         many.colors = vec![[0.5; 4]];
+        (many.surfaces[9].tangents, many.tangents) = (vec![[0; 3]; 2], vec![[0.0, 1.0, 0.0, -1.0]]);
         many.surfaces[0].name = "atlas".into();
         let before = many.clone();
         let grouped = group(&mut many).unwrap();
@@ -225,6 +238,7 @@ mod tests {
         let corners = |s: &Scene| s.surfaces.iter().flat_map(|s| s.triangles.iter().map(|t| t.corners)).collect::<Vec<_>>();
         assert_eq!(corners(&many), corners(&before));
         assert_eq!((atlas.uv_sets[0].len(), atlas.uv(0, 3)), (80, before.surfaces[2].uv(0, 1)));
+        assert_eq!((atlas.tangents[16], atlas.tangents[0], many.tangents[1]), ([0; 3], [1; 3], tangents::NONE));
         assert_eq!((atlas.colors[12], atlas.colors[0], many.colors[1]), ([0; 3], [1; 3], [1.0; 4]));
     }
 

@@ -19,6 +19,7 @@ pub mod obj;
 mod slerp;
 mod statistics;
 mod surfaces;
+mod tangents;
 mod texture;
 mod two_sided;
 mod up;
@@ -84,6 +85,7 @@ fn import(bundle: &Bundle, options: &ImportOptions, findings: &mut Findings) -> 
     if findings.has_errors() {
         return None;
     }
+    tangents::complete(&mut scene);
     if let Some(group::Grouped { surfaces, atlases }) = group::group(&mut scene) {
         let message = format!("{surfaces} small surfaces share the textures of {}: {}", atlases.len(), listed(&atlases));
         findings.warn(At::file(main.as_str()), message);

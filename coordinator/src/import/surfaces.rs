@@ -150,7 +150,8 @@ impl Surfaces {
 
     /// Hands all over to the scene, with backs.
     pub(super) fn finish(self, scene: &mut Scene) {
-        (scene.positions, scene.normals, scene.colors) = (self.weld.positions.values, self.weld.normals.values, self.weld.colors.values);
+        (scene.positions, scene.normals) = (self.weld.positions.values, self.weld.normals.values);
+        (scene.tangents, scene.colors) = (self.weld.tangents.values, self.weld.colors.values);
         scene.surfaces = self.fronts;
         two_sided::split(scene, &self.two_sided);
         let mut backs = self.backs.into_iter();

@@ -14,6 +14,8 @@ pub(super) struct Weld {
     pub(super) positions: Pool<3>,
     /// Unit normals in order of first use.
     pub(super) normals: Pool<3>,
+    /// Unit tangents and the sides of their bitangents in order of first use.
+    pub(super) tangents: Pool<4>,
     /// Colours in order of first use.
     pub(super) colors: Pool<4>,
     seen: HashSet<[u32; 3]>,
@@ -43,6 +45,15 @@ impl<const N: usize> Default for Pool<N> {
 }
 
 impl<const N: usize> Pool<N> {
+    /// A pool that has these values, each once.
+    pub(super) fn of(values: Vec<[f32; N]>) -> Self {
+        let mut pool = Self::default();
+        for value in values {
+            pool.id(value);
+        }
+        pool
+    }
+
     /// The index of a value.
     pub(super) fn id(&mut self, value: [f32; N]) -> u32 {
         // Adding zero turns -0.0 into 0.0: the same value has one name.

@@ -29,31 +29,36 @@ pub struct Frame {
     pixels: Vec<Pixel>,
 }
 
-/// The pixels of rays: the light of their layers, the nearest first, each over what is seen of the next. `behind` tells what a ray finds of an
-/// environment.
-pub(super) fn pixels<'a>(
-    looked: &'a Looked,
-    radiance: &'a [Option<Rgb>],
-    behind: impl Fn(usize) -> Option<Rgb> + 'a,
-) -> impl Iterator<Item = Pixel> + 'a {
+impl Pixel {
+    /// A ray that has seen nothing yet.
+    pub(super) const UNSEEN: Pixel = Pixel { radiance: Rgb::BLACK, background: Rgb::WHITE, chart: 0, found: false };
+}
+
+/// Adds the light of the next layers of rays, the nearest first, each over what is seen of the next.
+pub(super) fn add(pixels: &mut [Pixel], looked: &Looked, radiance: &[Option<Rgb>]) {
     let mut from = 0;
-    looked.counts.iter().enumerate().map(move |(ray, count)| {
+    for (pixel, count) in pixels.iter_mut().zip(&looked.counts) {
         let layers = from..from + usize::from(*count);
         from = layers.end;
-        let mut pixel = Pixel { radiance: Rgb::BLACK, background: Rgb::WHITE, chart: 0, found: !layers.is_empty() };
         for (seen, light) in looked.layers[layers.clone()].iter().zip(&radiance[layers]) {
-            pixel.chart = if pixel.chart == 0 { seen.chart } else { pixel.chart };
-            pixel.found &= light.is_some();
+            let is_first = pixel.chart == 0;
+            pixel.chart = if is_first { seen.chart } else { pixel.chart };
+            pixel.found = light.is_some() && (is_first || pixel.found);
             pixel.radiance += pixel.background * light.unwrap_or(Rgb::BLACK) * seen.veil.own;
             pixel.background = pixel.background * seen.veil.through;
         }
+    }
+}
+
+/// Adds what lies behind all layers: what a ray finds of an environment by `behind`, or else the background.
+pub(super) fn finish(pixels: &mut [Pixel], behind: impl Fn(usize) -> Option<Rgb>) {
+    for (ray, pixel) in pixels.iter_mut().enumerate() {
         let behind = if pixel.background.is_black() { None } else { behind(ray) };
         pixel.radiance += behind.unwrap_or(BACKGROUND) * pixel.background;
         if behind.is_some() {
             pixel.background = Rgb::BLACK;
         }
-        pixel
-    })
+    }
 }
 
 impl Frame {

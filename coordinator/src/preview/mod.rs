@@ -24,18 +24,22 @@ pub use view::{BadView, Mode, View};
 #[cfg(test)]
 mod tests;
 
-use self::picture::Display;
+use self::{
+    picture::Display,
+    visibility::{GOES, Stage, Walk},
+};
 use kiln_proto::{
     format::stream::ReadError,
     plan::Plan,
     scene::{Environment, Scene},
 };
+use std::ops::Range;
 
 /// A number that changes whenever pictures of the same package and view may change: part of every entity tag.
 pub const RENDERER_VERSION: u32 = 3;
 
-/// Rays of one band, at least one row of pixels, and layers whose light is looked up at once: some 280 bytes each for what they see, need and
-/// find, so about 36 MiB; up to 80 more for every layer where much is seen through.
+/// Rays of one band, at least one row of pixels, and layers whose light is looked up at once: some 380 bytes each for what they see, need and
+/// find, so about 50 MiB; up to 80 more for each of 16 layers where much is seen through.
 const BAND_PIXELS: usize = 1 << 17;
 
 /// Why there is no picture.
@@ -87,19 +91,34 @@ impl Bands<'_> {
     /// Hands over the rays of `camera`, some rows at a time, their number a multiple of `step`.
     fn each(&self, light: &mut Light<'_>, camera: &Camera, step: u32, mut take: impl FnMut(&[Pixel])) -> Result<(), RenderError> {
         self.stop.check()?;
-        let stage = visibility::Stage::new(self.scene, self.plan, camera);
+        let stage = Stage::new(self.scene, self.plan, camera);
         let PictureSize { width, height } = camera.size();
         let rows = (BAND_PIXELS / (width * step) as usize).max(1) as u32 * step;
         for first in (0..height).step_by(rows as usize) {
-            let looked = stage.look(camera, first..(first + rows).min(height), self.stop)?;
+            take(&self.band(light, camera, &stage, first..(first + rows).min(height))?);
+        }
+        Ok(())
+    }
+
+    /// The rays of some rows, some layers at a time.
+    fn band(&self, light: &mut Light<'_>, camera: &Camera, stage: &Stage<'_>, rows: Range<u32>) -> Result<Vec<Pixel>, RenderError> {
+        let rays = rows.len() * camera.size().width as usize;
+        let (mut pixels, mut walks) = (vec![Pixel::UNSEEN; rays], vec![Walk::Eye; rays]);
+        for _ in 0..GOES {
+            let looked = stage.look(camera, rows.clone(), &walks, self.stop)?;
             let mut radiance = Vec::with_capacity(looked.layers.len());
             for layers in looked.layers.chunks(BAND_PIXELS) {
                 radiance.extend(shade::shade(self.plan, light, layers, self.mode, self.stop)?);
             }
-            let direction = |ray: u32| camera.direction(ray % width, first + ray / width);
-            let behind = |ray: usize| self.environment.map(|e| e.radiance(direction(ray as u32)));
-            take(&frame::pixels(&looked, &radiance, behind).collect::<Vec<_>>());
+            frame::add(&mut pixels, &looked, &radiance);
+            walks = looked.walks;
+            if walks.iter().all(|walk| *walk == Walk::Done) {
+                break;
+            }
         }
-        Ok(())
+        let width = camera.size().width;
+        let direction = |ray: u32| camera.direction(ray % width, rows.start + ray / width);
+        frame::finish(&mut pixels, |ray| self.environment.map(|e| e.radiance(direction(ray as u32))));
+        Ok(pixels)
     }
 }

@@ -33,8 +33,11 @@ const GROW: f32 = 16.0 * f32::EPSILON;
 /// Triangles of a leaf, at most, and what a step down the tree costs beside a triangle test.
 const LEAF: (u32, f32) = (8, 3.0);
 
-/// Layers that a ray is followed through; what lies behind the last is not seen.
+/// Layers that a ray is followed through in one go, which bounds the memory of a band.
 const LAYERS: usize = 16;
+
+/// How often rays go on from there. What lies behind 1,024 layers is not seen: a bound of time, not of memory.
+pub(super) const GOES: usize = 64;
 
 /// What a ray sees of one surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -51,6 +54,17 @@ pub(super) struct Seen {
     pub(super) veil: Veil,
 }
 
+/// How far a ray has come.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Walk {
+    /// It is still at the eye.
+    Eye,
+    /// It goes on behind a layer.
+    Behind(Hit),
+    /// Nothing behind its last layer is seen.
+    Done,
+}
+
 /// What some rays see.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(super) struct Looked {
@@ -58,6 +72,8 @@ pub(super) struct Looked {
     pub(super) layers: Vec<Seen>,
     /// How many layers each ray has: none where it sees the background alone.
     pub(super) counts: Vec<u8>,
+    /// How far each ray has come.
+    pub(super) walks: Vec<Walk>,
 }
 
 /// A scene ready to be looked at.
@@ -76,8 +92,8 @@ pub(super) struct Stage<'a> {
 }
 
 /// Where a ray meets a triangle.
-#[derive(Clone, Copy)]
-struct Hit {
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Hit {
     triangle: usize,
     t: f32,
     /// Barycentric weights of the corners.
@@ -106,40 +122,46 @@ impl<'a> Stage<'a> {
         Self { scene, plan, corners, frames, first, charts, veils: veils(scene), tree }
     }
 
-    /// What the rays through some rows of the picture see, row by row. Asks before each row whether to go on.
-    pub(super) fn look(&self, camera: &Camera, rows: Range<u32>, stop: &Stop) -> Result<Looked, Stopped> {
-        let row = |y: u32| {
+    /// What the rays through some rows of the picture see next, row by row, each from where it has come. Asks before each row whether to go on.
+    pub(super) fn look(&self, camera: &Camera, rows: Range<u32>, walks: &[Walk], stop: &Stop) -> Result<Looked, Stopped> {
+        let row = |(y, walks): (u32, &[Walk])| {
             let mut row = Looked::default();
             let wanted = stop.check().is_ok();
-            for x in (0..camera.size().width).filter(|_| wanted) {
+            for (x, walk) in (0..camera.size().width).zip(walks).filter(|_| wanted) {
                 let before = row.layers.len();
-                self.along(camera.origin(x, y), camera.direction(x, y), &mut row.layers);
+                row.walks.push(self.along(camera.origin(x, y), camera.direction(x, y), *walk, &mut row.layers));
                 row.counts.push((row.layers.len() - before) as u8);
             }
             row
         };
-        let rows: Vec<Looked> = rows.into_par_iter().map(row).collect();
+        let rows: Vec<Looked> = rows.into_par_iter().zip(walks.par_chunks(camera.size().width as usize)).map(row).collect();
         stop.check()?;
         let mut all = Looked::default();
         rows.iter().for_each(|row| {
             all.layers.extend_from_slice(&row.layers);
             all.counts.extend_from_slice(&row.counts);
+            all.walks.extend_from_slice(&row.walks);
         });
         Ok(all)
     }
 
-    /// Adds the layers along a ray.
-    fn along(&self, origin: DVec3, direction: Vec3, layers: &mut Vec<Seen>) {
-        let mut last = None;
+    /// Adds the next layers along a ray, and tells how far it has come then.
+    fn along(&self, origin: DVec3, direction: Vec3, mut walk: Walk, layers: &mut Vec<Seen>) -> Walk {
         for _ in 0..LAYERS {
-            let Some(hit) = self.closest(origin, direction, last) else { return };
-            let Some(seen) = self.seen(&hit, direction) else { return };
+            let last = match walk {
+                Walk::Eye => None,
+                Walk::Behind(last) => Some(last),
+                Walk::Done => break,
+            };
+            walk = Walk::Done;
+            let Some(hit) = self.closest(origin, direction, last) else { break };
+            let Some(seen) = self.seen(&hit, direction) else { break };
             layers.push(seen);
-            if seen.veil.through.is_black() {
-                return;
+            if !seen.veil.through.is_black() {
+                walk = Walk::Behind(hit);
             }
-            last = Some(hit);
         }
+        walk
     }
 
     fn seen(&self, hit: &Hit, direction: Vec3) -> Option<Seen> {

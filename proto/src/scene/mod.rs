@@ -39,7 +39,8 @@ use serde::{Deserialize, Serialize};
 ///
 /// 1: surfaces of one MTL material. 2: parts, both sides, normals, several coordinate sets, vertex colours, metallic-roughness, opacity,
 /// lights beside emissive triangles, environment, projectors, cameras.
-pub const SCENE_VERSION: u32 = 2;
+/// 3: tangents.
+pub const SCENE_VERSION: u32 = 3;
 
 /// A validated scene.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -50,6 +51,9 @@ pub struct Scene {
     pub positions: Vec<[f32; 3]>,
     /// Unit vertex normals that [`Surface::normals`] refers to.
     pub normals: Vec<[f32; 3]>,
+    /// Unit vertex tangents that [`Surface::tangents`] refers to, and 1 or -1: the bitangent is that times normal x tangent. Zero, and 1,
+    /// stands for a corner without a tangent.
+    pub tangents: Vec<[f32; 4]>,
     /// Linear vertex colours with opacity that [`Surface::colors`] refers to, [0, 1].
     pub colors: Vec<[f32; 4]>,
     /// Named polygon groups, in the order of the file.
@@ -88,7 +92,7 @@ pub struct Surface {
     /// The name made safe for a file, unique within the scene also on file systems that ignore case.
     pub file_stem: String,
     /// For the back of a two-sided surface: index of its front. Triangle i of the back is triangle i of the front with its second and third
-    /// corner exchanged (and all that belongs to corners), with normals reversed.
+    /// corner exchanged (and all that belongs to corners), with normals and the sides of bitangents reversed.
     pub back_of: Option<u32>,
     /// What its triangles are made of: runs of triangles, in order, that together are all of them.
     pub parts: Vec<Part>,
@@ -98,6 +102,9 @@ pub struct Surface {
     pub uv_sets: Vec<Vec<Option<[[f32; 2]; 3]>>>,
     /// Indices into [`Scene::normals`] of each triangle's corners; empty for a surface that is flat in each triangle.
     pub normals: Vec<[u32; 3]>,
+    /// Indices into [`Scene::tangents`] of each triangle's corners: what normal maps lie along. Empty where each triangle has the tangent of its
+    /// texture coordinates, as on surfaces that are flat in each.
+    pub tangents: Vec<[u32; 3]>,
     /// Indices into [`Scene::colors`] of each triangle's corners; empty for a surface without vertex colours.
     pub colors: Vec<[u32; 3]>,
 }
@@ -180,6 +187,7 @@ impl Scene {
             version: SCENE_VERSION,
             positions: vec![],
             normals: vec![],
+            tangents: vec![],
             colors: vec![],
             surfaces: vec![],
             materials: vec![],

@@ -1,5 +1,6 @@
 //! Images: 8 bits a channel, with or without alpha, coded for the eye or linear.
 
+use crate::math;
 use serde::{Deserialize, Serialize};
 
 /// An image, row 0 at v = 0 (the bottom).
@@ -34,5 +35,30 @@ impl Texture {
     #[inline]
     pub fn channels(&self) -> usize {
         if self.has_alpha { 4 } else { 3 }
+    }
+
+    /// The least and the greatest linear value of a channel; what is interpolated lies between. Cost: linear in texels.
+    #[must_use]
+    pub fn range(&self, channel: usize) -> (f32, f32) {
+        let values = || self.texels.iter().skip(channel).step_by(self.channels());
+        let linear = |byte: u8| {
+            let coded = f32::from(byte) / 255.0;
+            if self.coding == Coding::Srgb && channel < 3 { math::srgb_eotf(coded) } else { coded }
+        };
+        (linear(values().copied().min().unwrap_or(0)), linear(values().copied().max().unwrap_or(u8::MAX)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_range_of_a_channel_is_linear_and_its_own() {
+        let texels = vec![0, 51, 255, 102, 0, 255, 188, 204];
+        let t = Texture { name: "t".into(), width: 2, height: 1, coding: Coding::Linear, has_alpha: true, texels };
+        assert_eq!([t.range(0), t.range(1), t.range(3)], [(0.0, 0.0), (0.2, 1.0), (0.4, 0.8)]);
+        let colour = Texture { coding: Coding::Srgb, ..t };
+        assert_eq!((colour.range(1), colour.range(3)), ((math::srgb_eotf(0.2), 1.0), (0.4, 0.8)));
     }
 }

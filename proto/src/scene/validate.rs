@@ -136,6 +136,9 @@ impl Scene {
                 return Err(InvalidScene::NotFinite { owner: format!("{what} {index}") });
             }
         }
+        if let Some(index) = self.tangents.iter().position(|t| !finite(&t[..3]) || t[3].abs() != 1.0) {
+            return Err(InvalidScene::NotFinite { owner: format!("tangent {index}") });
+        }
         if let Some(index) = self.colors.iter().position(|c| !c.iter().all(|v| (0.0..=1.0).contains(v))) {
             return Err(InvalidScene::NotFinite { owner: format!("vertex colour {index}") });
         }

@@ -102,12 +102,12 @@ impl Drawing<'_, '_> {
     pub(super) fn lights(&mut self, count: u32, front: &mut Vec<Sample>, behind: &mut Vec<Sample>) {
         for index in 0..count {
             let vertex = self.site.vertex(self.scene, index, Dimension::light_footprint);
-            let Some(light) = self.tracer.connect(vertex.lifted, self.site.key.pair(Dimension::LIGHT, index)) else { continue };
+            let Some(light) = self.tracer.connect(&vertex, self.site.key.pair(Dimension::LIGHT, index)) else { continue };
             let Some(sample) = Sample::arriving(&vertex, vertex.frame.to_local(light.direction), self.mean.normal) else { continue };
             if light.emitted.is_black() {
                 continue;
             }
-            let emitted = light.emitted * self.tracer.reaches(&vertex, &light);
+            let emitted = light.emitted * self.tracer.reaches(&light);
             if !emitted.is_black() {
                 let to = if sample.wi.z > 0.0 { &mut *front } else { &mut *behind };
                 to.push(Sample { emitted, light_pdf: light.pdf, ..sample });

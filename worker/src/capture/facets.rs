@@ -2,7 +2,8 @@
 //!
 //! The first finds D about the texel's mean normal and roughness for all lobes that share samples: their sum is the density of the sample. The
 //! second adds the light, by each sample's own roughness and normal, so that textures within a texel's footprint are exact and only the density
-//! is a mean. Where the two agree, the second takes D from the first. Appendix B is linear in (1 - v·h)^5, which leaves four numbers a channel
+//! is a mean. Where the two agree, the second takes D from the first. A point that is a perfect mirror has a base and no lobe: its image is not
+//! gathered. Appendix B is linear in (1 - v·h)^5, which leaves four numbers a channel
 //! to the loop. No fused operations and one order of sums: the same bits at any vector width.
 
 use super::{
@@ -17,7 +18,7 @@ use crate::{
     sampling::warp::INV_PI,
 };
 use glam::Vec3;
-use kiln_proto::{scene::LEAST_ALPHA, units::Rgb};
+use kiln_proto::units::Rgb;
 
 /// Memory of the loops.
 #[derive(Debug, Clone, Default)]
@@ -59,7 +60,7 @@ pub(super) fn body(samples: &[Sample], mixture: &Mixture, set: &LobeSet, toward:
             0.0
         };
         let weighted = mixture.weigh(sample, lobes, scale);
-        let Some((light, kept)) = Light::new(sample, weighted, alpha) else { continue };
+        let Some((light, kept)) = Light::new(sample, weighted) else { continue };
         *base += kept;
         let tilted = sample.normal != mixture.normal;
         let axes = if tilted || toward.is_some() {
@@ -68,10 +69,11 @@ pub(super) fn body(samples: &[Sample], mixture: &Mixture, set: &LobeSet, toward:
         } else {
             views
         };
-        if alpha > 0.0 && (tilted || toward.is_some() || light.alpha2 != alpha * alpha || mixture.cosine >= 1.0) {
+        let is_rough = light.alpha2 > 0.0;
+        if is_rough && (tilted || toward.is_some() || light.alpha2 != alpha * alpha || mixture.cosine >= 1.0) {
             distribution(axes, light.own, light.normal, light.alpha2, &mut scratch.spread);
         }
-        if alpha > 0.0 {
+        if is_rough {
             light.add(axes, &scratch.spread, red, green, blue);
         } else {
             light.add_base(axes, red, green, blue);
@@ -82,16 +84,15 @@ pub(super) fn body(samples: &[Sample], mixture: &Mixture, set: &LobeSet, toward:
 impl Light {
     /// The parts of a sample's light, and what of it the base reflects whatever the direction; `None` where the material has no coat.
     #[inline(always)]
-    fn new(sample: &Sample, weighted: Rgb, alpha: f32) -> Option<(Self, Rgb)> {
+    fn new(sample: &Sample, weighted: Rgb) -> Option<(Self, Rgb)> {
         let Specular::Coat(coat) = sample.bsdf.specular else { return None };
-        let own_alpha = if alpha > 0.0 { coat.alpha.max(LEAST_ALPHA) } else { 0.0 };
         let Coat { normal, rise, kept, lost, through, .. } = coat;
         let (lobe, diffuse) = if sample.wi.z > 0.0 {
             ([weighted * normal, weighted * rise], weighted * sample.bsdf.diffuse * INV_PI)
         } else {
             ([weighted * through * kept, weighted * through * -lost], Rgb::BLACK)
         };
-        let light = Self { own: sample.own, normal: sample.normal, alpha2: own_alpha * own_alpha, lobe, lost: diffuse * lost };
+        let light = Self { own: sample.own, normal: sample.normal, alpha2: coat.alpha * coat.alpha, lobe, lost: diffuse * lost };
         Some((light, diffuse * kept))
     }
 

@@ -3,7 +3,7 @@
 //! Outgoing radiance toward w_k is L_e(w_k) + ∫ f(w, w_k) L_i(w) cos dw. Instead of a path per direction, as a camera renderer has it, M
 //! incident directions are drawn once from a mixture that suits every w_k (a quarter cosine, the rest from the lobes that the grid's directions
 //! see), one path is traced for each, and the BRDF is evaluated for all directions against all of them; S = M/4 light samples are shared the
-//! same way. All of it is unbiased; what the directions of a texel share is their noise.
+//! same way. It is unbiased but for what docs/light-transport.md lists; what the directions of a texel share is their noise.
 //!
 //! Narrow lobes overlap few others, so that few of M samples would fall into each. They get samples of their own: runs of eight neighbouring
 //! directions share them, with the density of exactly those eight lobes, beside M cosine and S light samples that all runs share. Delta lobes
@@ -38,6 +38,9 @@ const COSINE_SHARE: u32 = 4;
 const SHARING: usize = 8;
 /// Incident samples per sample of each direction's own narrow lobe: a tenth of a light's image in 16 samples is seen at 1,024.
 const SHARP_SHARE: u32 = 64;
+
+/// What the numbers of mirror paths begin with: beyond those of all gathered samples, so that the two are independent.
+const MIRRORS: u32 = 1 << 29;
 
 /// How much work a site is worth.
 #[derive(Debug, Clone, Copy)]
@@ -209,21 +212,21 @@ pub(crate) fn capture_each(scene: &BakeScene, site: &Site<'_>, budget: Budget, v
     tracer.rays.0
 }
 
-/// Mirrors see one image per direction; samples beyond one per direction go round again.
+/// Mirrors see one image per direction; samples beyond one per direction go round again. Points that are rough, where a texture mixes both,
+/// count as black here and are gathered.
 fn reflect_each(scene: &BakeScene, tracer: &mut Tracer<'_>, site: &Site<'_>, budget: Budget, views: &Views, out: &mut [Rgb]) {
     let paths = (budget.samples / views.mixed.len() as u32).max(1);
     for (k, l) in out.iter_mut().enumerate() {
         let view = views.targets().get(k);
         let mut sum = Rgb::BLACK;
         for j in 0..paths {
-            // Beyond the diffuse part's own numbers, so that the two are independent.
-            let index = budget.samples + k as u32 * paths + j;
+            let index = MIRRORS + k as u32 * paths + j;
             let vertex = site.vertex(scene, index, Dimension::footprint);
             let wo = vertex.toward(vertex.frame.to_world(view));
             let reflectance = match vertex.bsdf.specular {
                 Specular::Mirror { ks } => ks,
-                Specular::Coat(coat) => coat.mirrored(wo.z),
-                Specular::None | Specular::Phong { .. } => continue,
+                Specular::Coat(coat) if coat.alpha <= 0.0 => coat.mirrored(wo.z),
+                Specular::Coat(_) | Specular::None | Specular::Phong { .. } => continue,
             };
             let direction = vertex.shading.to_world(mirror(wo));
             if vertex.arriving(direction).is_some() {

@@ -42,9 +42,14 @@ fn agree(name: &str, scene: Scene, texel: (u32, u32)) {
     let at = |samples, seed| BakeSettings { samples, seed, max_depth: 4, ..settings("{}") };
     let ours: Vec<Vec<Rgb>> = (0..RUNS).map(|s| shared(&capture, 0, texel, &at(512, s)).unwrap().0).collect();
     let theirs: Vec<Vec<Rgb>> = (0..RUNS).map(|s| per_direction(&capture, 0, texel, &at(256, 1_000 + s)).unwrap().0).collect();
+    same(name, &ours, &theirs);
+}
+
+/// Whether runs of two estimators agree.
+fn same(name: &str, ours: &[Vec<Rgb>], theirs: &[Vec<Rgb>]) {
     let (mut z2, mut sums) = (0.0, [0.0f64; 2]);
     for k in 0..24 {
-        let ((a, ea), (b, eb)) = (mean_and_error(&ours, k), mean_and_error(&theirs, k));
+        let ((a, ea), (b, eb)) = (mean_and_error(ours, k), mean_and_error(theirs, k));
         let z = (a - b) / (ea * ea + eb * eb + 1e-12 + 1e-8 * b * b).sqrt();
         assert!(z.abs() < 5.0, "{name}, direction {k}: {a} +- {ea}, {b} +- {eb}");
         (z2, sums) = (z2 + z * z / 24.0, [sums[0] + a, sums[1] + b]);
@@ -90,6 +95,49 @@ fn the_two_agree_under_normal_maps_and_textured_roughness_too() {
             m.metallic_roughness_texture = Some(TextureRef::plain(0, 0));
         }
         agree(name, scene, (1, 5));
+    }
+}
+
+/// Roughness by a texture of this many columns, the first of them perfectly smooth.
+fn partly_polished(m: MetallicRoughness, columns: u32) -> Scene {
+    let mut scene = stage(rough(m));
+    let texels = (0..columns).flat_map(|x| [0, if x == 0 { 0 } else { 255 }, 255]).collect();
+    scene.textures.push(Texture { name: "r".into(), width: columns, height: 1, coding: Coding::Linear, has_alpha: false, texels });
+    let Reflection::MetallicRoughness(m) = &mut scene.materials[0].reflection else { panic!() };
+    m.metallic_roughness_texture = Some(TextureRef { nearest: true, ..TextureRef::plain(0, 0) });
+    scene
+}
+
+#[test]
+fn texels_that_are_mirrors_in_part_are_the_mean_of_mirror_and_rough_points() {
+    // Half of it, and so little that none of the points that a texel is judged by is smooth.
+    for (name, m, columns) in [
+        ("metal", appendix_b([0.9, 0.6, 0.3], 1.0, 0.4), 2),
+        ("finely brushed", appendix_b([0.9, 0.6, 0.3], 1.0, 0.15), 2),
+        ("frosted", MetallicRoughness { transmission: 0.8, ..appendix_b([0.9, 0.8, 0.3], 0.0, 0.5) }, 2),
+        ("a scratch", appendix_b([0.7; 3], 1.0, 0.6), 24),
+    ] {
+        let scene = Arc::new(BakeScene::new(partly_polished(m, columns), Simd::Auto).unwrap());
+        let json = r#"{"max_depth":3,"directions":"4x6","texture_sizes":{"floor":"1x1"}}"#;
+        let layout = Arc::new(plan(scene.scene(), &settings(json)));
+        let capture = Capture::new(scene.clone(), layout).unwrap();
+        let views = Views::grid(&settings(json).directions.directions());
+        let texel = capture.rasters[0].texel(0, 0).unwrap();
+        let site = |seed| Site {
+            surface: 0,
+            frame: texel.frame,
+            points: Points::Area { raster: &capture.rasters[0], texel: &texel, push: None },
+            key: TexelKey::new(seed, 0, 0),
+        };
+        let (mut ours, mut theirs) = (vec![], vec![]);
+        for seed in 0..24 {
+            let (mut a, mut b) = (vec![Rgb::BLACK; 24], vec![Rgb::BLACK; 24]);
+            let budget = |samples| Budget { samples, max_depth: 3 };
+            hemisphere::capture(&scene, &site(seed), budget(512), &views, &mut Scratch::default(), &mut a);
+            hemisphere::capture_each(&scene, &site(1_000 + seed), budget(256), &views, &mut b);
+            (ours.push(a), theirs.push(b));
+        }
+        same(name, &ours, &theirs);
     }
 }
 

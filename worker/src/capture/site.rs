@@ -8,12 +8,12 @@ use super::{
 use crate::{
     bsdf::Specular,
     sampling::{Dimension, TexelKey},
-    scene::{BakeScene, Vertex},
+    scene::{BakeScene, Polish, Vertex},
 };
 use glam::Vec3;
 use kiln_proto::{
     frame::Frame,
-    scene::{LEAST_ALPHA, Material, Reflection},
+    scene::{Material, Reflection},
     units::Rgb,
 };
 
@@ -22,6 +22,9 @@ const POINTS: u32 = 16;
 /// Narrower facets, and Phong exponents above the second number, are aimed at by sets of neighbouring directions: a lobe of the whole grid's
 /// mixture would get too few samples, because it overlaps few others.
 const SHARP: (f32, f32) = (0.05, 200.0);
+/// Width of facets that lobes are drawn for where none of a texel's points is rough, though some of it may be: so wide that a narrower lobe
+/// is met now and then.
+const WIDE: f32 = 0.25;
 /// Bounds of the share of samples that a translucent surface takes from behind.
 const BEHIND: (f32, f32) = (0.2, 0.8);
 
@@ -75,7 +78,7 @@ pub(super) struct Mean {
     pub(super) shape: Shape,
     /// The mean of the normals that reflection sees, local.
     pub(super) normal: Vec3,
-    /// Whether directions have mirror images of their own.
+    /// Whether directions may have mirror images of their own; points of the footprint that are rough have none.
     pub(super) is_mirror: bool,
     /// Whether anything is left to gather.
     pub(super) is_gathered: bool,
@@ -89,21 +92,21 @@ impl Mean {
         let material = site.material(scene);
         let varies = material.textures().next().is_some() || scene.prim(scene.prim_of(site.surface, site.points.triangle())).is_colored;
         let points = if varies { POINTS } else { 1 };
-        let (mut normal, mut alpha, mut parts) = (Vec3::ZERO, 0.0, [0.0f32; 3]);
+        let (mut normal, mut alpha, mut rough, mut parts) = (Vec3::ZERO, 0.0, 0, [0.0f32; 3]);
         // What varies may be black at all of these points and bright between them: the points say how to draw, not whether.
         let is_gathered = varies && material.reflection != Reflection::None;
-        let mut mean = Self { shape: Shape::Matte, normal: Vec3::Z, is_mirror: false, is_gathered, behind: 0.0 };
+        let polish = scene.polish_of(scene.prim_of(site.surface, site.points.triangle()));
+        let mut mean = Self { shape: Shape::Matte, normal: Vec3::Z, is_mirror: polish != Polish::Nowhere, is_gathered, behind: 0.0 };
         for index in 0..points {
             let vertex = site.vertex(scene, index, Dimension::footprint);
             normal += local_normal(&vertex);
             mean.is_gathered |= vertex.bsdf.is_smooth();
             match vertex.bsdf.specular {
-                Specular::None => {}
-                Specular::Mirror { .. } => mean.is_mirror = true,
+                Specular::None | Specular::Mirror { .. } => {}
                 Specular::Phong { exponent, .. } => mean.shape = Shape::Phong(exponent),
                 Specular::Coat(coat) => {
-                    alpha += coat.alpha / points as f32;
-                    mean.shape = Shape::Facets(alpha);
+                    alpha += coat.alpha;
+                    rough += u32::from(coat.alpha > 0.0);
                     let part = [coat.through.mean() * coat.kept, coat.normal.mean(), vertex.bsdf.diffuse.mean() * coat.kept];
                     (0..3).for_each(|k| parts[k] += part[k]);
                 }
@@ -113,11 +116,13 @@ impl Mean {
         if normal != Vec3::Z * points as f32 {
             mean.normal = normal.normalize_or(Vec3::Z);
         }
-        if let Shape::Facets(alpha) = mean.shape {
-            mean.is_mirror = alpha < LEAST_ALPHA;
-            mean.shape = Shape::Facets(if mean.is_mirror { 0.0 } else { alpha });
-            let is_translucent = matches!(&material.reflection, Reflection::MetallicRoughness(m) if varies && m.transmission > 0.0);
-            if (parts[0] > 0.0 || is_translucent) && !mean.is_mirror {
+        if let Reflection::MetallicRoughness(m) = &material.reflection {
+            mean.shape = Shape::Facets(match polish {
+                Polish::Everywhere => 0.0,
+                _ if rough == 0 => WIDE,
+                _ => alpha / rough as f32,
+            });
+            if (parts[0] > 0.0 || (varies && m.transmission > 0.0)) && polish != Polish::Everywhere {
                 mean.behind = (parts[0] / parts.iter().sum::<f32>().max(f32::MIN_POSITIVE)).clamp(BEHIND.0, BEHIND.1);
             }
         }

@@ -92,6 +92,8 @@ impl Sky {
         let (low, high) = map.limits(row);
         let latitude = (low + (high - low) * f64::from(at[1]) - 0.5) * 0.5;
         let longitude = (column as f64 + 0.5 + f64::from(at[0])) / f64::from(map.width) - 0.5 - map.turns();
+        // Whole turns are taken off before the sum is rounded: many of them would leave no bits for the rest.
+        let longitude = longitude - longitude.floor();
         let ((sin_v, cos_v), (sin_u, cos_u)) = (math::sin_cos_turns(latitude as f32), math::sin_cos_turns(longitude as f32));
         let place = SkyPlace { row, column, at, cos: cos_v };
         let pdf = self.pdf(map, &place, &corners);

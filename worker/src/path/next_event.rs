@@ -4,6 +4,7 @@ use super::Tracer;
 use crate::{
     light::{
         LightPoint,
+        punctual::Arrival,
         shadow::{self, Shadow},
         to_solid_angle,
     },
@@ -16,7 +17,9 @@ use kiln_proto::{scene::Reflection, units::Rgb};
 /// A light sample as a vertex sees it, unshadowed: a point on an emissive triangle or a direction of the environment.
 #[derive(Debug, Clone, Copy)]
 pub struct Connection {
-    /// Unit world direction toward the light.
+    /// Where the vertex looks from: its front or its back, whichever the light is on.
+    pub origin: Vec3,
+    /// Unit world direction from there toward the light.
     pub direction: Vec3,
     /// The lifted point on the light, or one beyond the scene.
     pub target: Vec3,
@@ -38,13 +41,16 @@ pub struct Shine {
 }
 
 impl Tracer<'_> {
-    /// A light sample seen from a lifted point; `None` where the light turns its back.
+    /// A light sample seen from a vertex; `None` where the light turns its back, or lies where no ray of the vertex goes.
+    ///
+    /// The origin is chosen first, as for rays, so that direction, density and shadow ray are those of the path that finds the same light.
     #[inline]
-    pub fn connect(&self, from: Vec3, u: [f32; 2]) -> Option<Connection> {
+    pub fn connect(&self, from: &Vertex, u: [f32; 2]) -> Option<Connection> {
         match self.scene.sample_light(u)? {
             LightPoint::Surface { prim, bary, pdf_area } => {
                 let target = self.scene.lifted(prim, bary);
-                let toward = target - from;
+                let origin = from.origin_toward(target)?;
+                let toward = target - origin;
                 let distance_squared = toward.length_squared();
                 let direction = toward / distance_squared.sqrt();
                 let cos = -self.scene.prim(prim).frame.normal.dot(direction);
@@ -53,30 +59,31 @@ impl Tracer<'_> {
                 let usable = cos > 0.0 && pdf > 0.0 && pdf.is_finite();
                 // A point that is there in part shines in part; paths meet it as often.
                 let emitted = || self.scene.emission(prim, bary) * self.scene.coverage(prim, bary);
-                usable.then(|| Connection { direction, target, pdf, emitted: emitted() })
+                usable.then(|| Connection { origin, direction, target, pdf, emitted: emitted() })
             }
             LightPoint::Sky(sky) => {
-                let target = from + sky.direction * self.scene.reach();
-                Some(Connection { direction: sky.direction, target, pdf: sky.pdf, emitted: sky.radiance })
+                let origin = from.origin(sky.direction);
+                let target = origin + sky.direction * self.scene.reach();
+                Some(Connection { origin, direction: sky.direction, target, pdf: sky.pdf, emitted: sky.radiance })
             }
         }
     }
 
-    /// What share of a connection's light reaches a vertex.
+    /// What share of a connection's light reaches its vertex.
     #[inline]
-    pub fn reaches(&mut self, from: &Vertex, connection: &Connection) -> Rgb {
-        self.scene.visible(from.origin(connection.direction), connection.target, Blockers::Everything, &mut self.rays)
+    pub fn reaches(&mut self, connection: &Connection) -> Rgb {
+        self.scene.visible(connection.origin, connection.target, Blockers::Everything, &mut self.rays)
     }
 
     /// Emissive triangles and the environment, by one sample of either.
     pub(super) fn next_event(&mut self, vertex: &Vertex, wo: Vec3, u: [f32; 2]) -> Rgb {
-        let Some(light) = self.connect(vertex.lifted, u) else { return Rgb::BLACK };
+        let Some(light) = self.connect(vertex, u) else { return Rgb::BLACK };
         let Some(wi) = vertex.arriving(light.direction) else { return Rgb::BLACK };
         let value = vertex.bsdf.eval(wi, wo);
         if value.is_black() || light.emitted.is_black() {
             return Rgb::BLACK;
         }
-        let reaches = self.reaches(vertex, &light);
+        let reaches = self.reaches(&light);
         let weight = mis::balance(light.pdf, vertex.bsdf.pdf(wi, wo));
         value * light.emitted * reaches * (wi.z.abs() * weight / light.pdf)
     }
@@ -96,7 +103,7 @@ impl Tracer<'_> {
             return None;
         }
         let contribution = |light: usize| {
-            self.unshadowed(vertex, light).map_or(0.0, |(_, s)| {
+            self.unshadowed(vertex, light).map_or(0.0, |(_, _, s)| {
                 let cos = vertex.shading.normal.dot(s.direction).abs();
                 s.light.mean() * cos + s.ambient.mean()
             })
@@ -108,10 +115,9 @@ impl Tracer<'_> {
     /// What the light without area of this index sends to a vertex; `None` where that is nothing.
     #[inline]
     pub fn shine(&mut self, vertex: &Vertex, light: usize) -> Option<Shine> {
-        let (target, shine) = self.unshadowed(vertex, light)?;
+        let (from, target, shine) = self.unshadowed(vertex, light)?;
         let part = self.scene.part(self.scene.prim(vertex.prim));
         let canonical = self.scene.scene();
-        let from = vertex.origin(shine.direction);
         let left = match shadow::shadow(canonical.rules, &canonical.lights[light], light as u32, part, from) {
             Shadow::Known(left) => Rgb::splat(left),
             Shadow::Trace { left } => {
@@ -123,18 +129,27 @@ impl Tracer<'_> {
         (!left.is_black()).then(|| Shine { direction: shine.direction, light: shine.light * left, ambient: shine.ambient * left })
     }
 
-    /// The end of a light's shadow ray, and what it sends there if nothing is in between. A light from behind has only its ambient term.
-    fn unshadowed(&self, vertex: &Vertex, light: usize) -> Option<(Vec3, Shine)> {
+    /// The ends of a light's shadow ray, and what it sends there if nothing is in between. A light from behind has only its ambient term, but
+    /// for translucent surfaces, which it shines on as it is seen from there.
+    fn unshadowed(&self, vertex: &Vertex, light: usize) -> Option<(Vec3, Vec3, Shine)> {
         let prim = self.scene.prim(vertex.prim);
         if self.scene.part(prim).unlit_by.binary_search(&(light as u32)).is_ok() {
             return None;
         }
-        let arrival = self.scene.lights().punctual()[light].at(self.scene.scene(), vertex.lifted)?;
+        let seen_from = |origin: Vec3| self.scene.lights().punctual()[light].at(self.scene.scene(), origin);
+        let height = |arrival: &Arrival| vertex.frame.normal.dot(arrival.direction);
+        let above = seen_from(vertex.lifted);
+        let faced = above.filter(|a| height(a) > 0.0);
+        let from_behind = || seen_from(vertex.sunk).filter(|a| vertex.bsdf.is_translucent() && height(a) < 0.0);
+        let (arrival, faces) = match faced.or_else(from_behind) {
+            Some(arrival) => (arrival, true),
+            None => (above?, false),
+        };
         let share = if let Reflection::Phong(p) = &self.scene.material_of(vertex.prim).reflection { p.ambient } else { 0.0 };
         let ambient = vertex.bsdf.diffuse * arrival.ambient * share;
-        let faces = vertex.frame.normal.dot(arrival.direction) > 0.0 || vertex.bsdf.is_translucent();
         let light = if faces { arrival.light } else { Rgb::BLACK };
         let shines = !(light.is_black() && ambient.is_black());
-        shines.then_some((arrival.target, Shine { direction: arrival.direction, light, ambient }))
+        let shine = Shine { direction: arrival.direction, light, ambient };
+        shines.then(|| (vertex.origin(arrival.direction), arrival.target, shine))
     }
 }

@@ -2,7 +2,7 @@
 
 use super::{BakeScene, Prim};
 use crate::bsdf::{Bsdf, Specular, coat::Coat, power::Exponent};
-use glam::Vec3;
+use glam::{Vec3, Vec4};
 use kiln_proto::{
     scene::{Lobe, Mapping, Material, MetallicRoughness, NormalMap, Phong, Place, Reflection, Scene, alpha_of, energy_scale},
     units::Rgb,
@@ -10,6 +10,40 @@ use kiln_proto::{
 
 /// The least share of a mapped normal that points along the surface's own: what a map turns further would look at the inside.
 const LEAST_HEIGHT: f32 = 0.02;
+
+/// Where the facets of a material are a perfect mirror.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Polish {
+    /// Nowhere: it has lobes, or no facets at all.
+    Nowhere,
+    /// Where a texture says so; elsewhere it is rough.
+    Somewhere,
+    /// Everywhere.
+    Everywhere,
+}
+
+impl Polish {
+    /// Of a material; a perfect mirror that is not made of facets is one everywhere. Cost: linear in the texels of a roughness texture.
+    pub(super) fn of(scene: &Scene, material: &Material) -> Self {
+        let (low, high) = match &material.reflection {
+            Reflection::Phong(Phong { lobe: Lobe::Mirror, specular, .. }) if specular.max_channel() > 0.0 => (0.0, 0.0),
+            Reflection::MetallicRoughness(m) => {
+                let (low, high) = m.metallic_roughness_texture.map_or((1.0, 1.0), |t| {
+                    let (low, high) = scene.textures[t.texture as usize].range(1);
+                    // Where a projector does not reach, the factor is alone.
+                    if matches!(t.mapping, Mapping::Uv { .. }) { (low, high) } else { (low, 1.0) }
+                });
+                (alpha_of(m.roughness * low), alpha_of(m.roughness * high))
+            }
+            Reflection::None | Reflection::Phong(_) => (1.0, 1.0),
+        };
+        match (low > 0.0, high > 0.0) {
+            (true, _) => Self::Nowhere,
+            (false, true) => Self::Somewhere,
+            (false, false) => Self::Everywhere,
+        }
+    }
+}
 
 impl BakeScene {
     /// A point of a primitive as textures see it.
@@ -53,8 +87,8 @@ impl BakeScene {
 
     /// The normal that reflection sees at a point, in world space, for a surface normal `normal`; the same where there is no map.
     ///
-    /// The tangent is dP/du of the map's own coordinates, the bitangent's side follows from their handedness, as MikkTSpace has it for a triangle
-    /// by itself.
+    /// It lies along the tangents of the corners, interpolated and made orthogonal to the normal, or along dP/du of the map's own
+    /// coordinates where there are none; the bitangent is on the side that they say.
     #[inline]
     pub(super) fn mapped_normal(&self, prim: u32, bary: [f32; 2], normal: Vec3) -> Vec3 {
         match self.material_of(prim).normal_map {
@@ -74,8 +108,21 @@ impl BakeScene {
         (tangent * local.x + bitangent * local.y + normal * local.z).try_normalize()
     }
 
+    /// The tangent and the bitangent between the corners' tangents; `None` where the surface has none there.
+    fn smooth_tangents(&self, place: &Place, normal: Vec3) -> Option<(Vec3, Vec3)> {
+        let corners = self.scene.surfaces[place.surface as usize].tangents.get(place.triangle as usize)?;
+        let [a, b, c] = corners.map(|index| Vec4::from_array(self.scene.tangents[index as usize]));
+        let mixed = a * (1.0 - place.bary[0] - place.bary[1]) + b * place.bary[0] + c * place.bary[1];
+        let along = mixed.truncate();
+        let tangent = (along - normal * normal.dot(along)).try_normalize()?;
+        Some((tangent, normal.cross(tangent) * if mixed.w < 0.0 { -1.0 } else { 1.0 }))
+    }
+
     fn tangents(&self, map: &NormalMap, p: &Prim, place: &Place, normal: Vec3) -> Option<(Vec3, Vec3)> {
         let Mapping::Uv { set } = map.texture.mapping else { return None };
+        if let Some(smooth) = self.smooth_tangents(place, normal) {
+            return Some(smooth);
+        }
         let corners = self.scene.surfaces[p.surface as usize].uv(set as usize, place.triangle as usize)?;
         let moved = corners.map(|[u, v]| map.texture.transform.map(|row| row[0] * u + row[1] * v + row[2]));
         let (e1, e2) = (p.corners[1] - p.corners[0], p.corners[2] - p.corners[0]);

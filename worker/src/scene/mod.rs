@@ -8,6 +8,8 @@ mod prim;
 mod vertex;
 
 #[cfg(test)]
+mod tangent_tests;
+#[cfg(test)]
 mod tests;
 
 use crate::{
@@ -25,7 +27,8 @@ use opacity::Veil;
 use prim::Prims;
 
 pub use crate::accel::Hit;
-pub use opacity::{Blockers, LAYERS, Seen};
+pub use material::Polish;
+pub use opacity::{Blockers, Seen};
 pub use prim::Prim;
 pub use vertex::{HORIZON, Vertex, above_horizon};
 
@@ -40,6 +43,8 @@ pub struct BakeScene {
     normals: Vec<[Vec3; 3]>,
     /// Materials that are the same everywhere.
     constant: Vec<Option<Bsdf>>,
+    /// Where each material is a perfect mirror.
+    polish: Vec<Polish>,
     /// What must be asked where a primitive is met; empty where nothing must.
     veils: Vec<Veil>,
     accel: Accel,
@@ -65,9 +70,10 @@ impl BakeScene {
             prims.all[emitter.prim as usize].emitter = Some(index as u32);
         }
         let constant = scene.materials.iter().map(|m| material::constant(&scene, m)).collect();
+        let polish = scene.materials.iter().map(|m| Polish::of(&scene, m)).collect();
         let (veils, reach) = (Veil::all(&scene, &prims), 2.0 * light::diameter(&scene));
         let Prims { all, first, normals } = prims;
-        Ok(Self { scene, prims: all, first, normals, constant, veils, accel, reach, lights, kernel: Kernel::select(simd) })
+        Ok(Self { scene, prims: all, first, normals, constant, polish, veils, accel, reach, lights, kernel: Kernel::select(simd) })
     }
 
     /// The canonical scene behind it.
@@ -128,6 +134,12 @@ impl BakeScene {
     #[inline]
     pub fn reach(&self) -> f32 {
         self.reach
+    }
+
+    /// Where the material of a primitive is a perfect mirror.
+    #[must_use]
+    pub fn polish_of(&self, prim: u32) -> Polish {
+        self.polish[self.prim(prim).material as usize]
     }
 
     /// The material of a primitive.

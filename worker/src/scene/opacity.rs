@@ -16,9 +16,10 @@ use kiln_proto::{
     scene::{Material, Scene},
     units::Rgb,
 };
+use smallvec::SmallVec;
 
-/// Panes of clear glass that a path looks through, and partly transparent layers that a shadow ray passes; what lies beyond is black.
-pub const LAYERS: usize = 32;
+/// Partly transparent layers of one shadow ray that need no memory of their own. More are counted all the same, as paths meet them all.
+const LAYERS: usize = 16;
 
 /// What a shadow ray can be blocked by.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -37,8 +38,6 @@ pub enum Seen {
     Hit(Hit, Rgb),
     /// What lies beyond the scene.
     Beyond(Rgb),
-    /// More layers of glass than are looked through.
-    Dark,
 }
 
 /// What must be asked where a primitive is met, in bits; 0 for most.
@@ -94,7 +93,8 @@ impl BakeScene {
 
     fn closest_veiled(&self, ray: &Ray, salt: u64, rays: &mut RayCount) -> Seen {
         let (mut weight, mut last) = (Rgb::WHITE, (0.0, 0));
-        for _ in 0..LAYERS {
+        // Every pane is passed with a chance of a half at most, so that few of many are.
+        loop {
             let met = |hit: &Hit| (hit.t, hit.prim) > last && self.meets(hit, ray.direction, salt);
             let Some(hit) = self.accel.closest_where(ray, rays, met) else { return Seen::Beyond(weight) };
             let seen = self.seen(hit, ray.direction);
@@ -110,7 +110,6 @@ impl BakeScene {
             weight = weight * clear * (1.0 / pass);
             last = (hit.t, hit.prim);
         }
-        Seen::Dark
     }
 
     /// What share of light travels between two lifted points, per channel: 0 where something opaque lies between.
@@ -130,24 +129,20 @@ impl BakeScene {
 
     fn transmittance_veiled(&self, ray: &Ray, blockers: Blockers, rays: &mut RayCount) -> Rgb {
         // The product must not depend on the order in which the tree is walked, so that layers are multiplied in the order of primitives.
-        let (mut layers, mut count) = ([(0u32, Rgb::BLACK); LAYERS], 0);
+        let mut layers: SmallVec<[(u32, Rgb); LAYERS]> = SmallVec::new();
         let blocked = self.accel.occluded_where(ray, rays, |hit| {
             let through = self.shadow(hit, ray.direction, blockers);
-            if through == Rgb::WHITE || layers[..count].iter().any(|(prim, _)| *prim == hit.prim) {
-                return false;
+            if through != Rgb::WHITE {
+                layers.push((hit.prim, through));
             }
-            if through.is_black() || count == LAYERS {
-                return true;
-            }
-            layers[count] = (hit.prim, through);
-            count += 1;
-            false
+            through.is_black()
         });
         if blocked {
             return Rgb::BLACK;
         }
-        layers[..count].sort_unstable_by_key(|(prim, _)| *prim);
-        layers[..count].iter().fold(Rgb::WHITE, |product, (_, through)| product * *through)
+        layers.sort_unstable_by_key(|(prim, _)| *prim);
+        layers.dedup_by_key(|(prim, _)| *prim);
+        layers.iter().fold(Rgb::WHITE, |product, (_, through)| product * *through)
     }
 
     /// The share of a surface that is there at a point, [0, 1]: what its emission is worth to those who see it.

@@ -4,10 +4,12 @@ use super::*;
 use crate::{
     accel::{Ray, RayCount},
     bsdf::Specular,
+    path::{PathSample, Tracer},
+    sampling::{Dimension, TexelKey, warp},
     testing::{add_back, add_quad, appendix_b, empty, lambert, mirror, rough},
 };
 use kiln_proto::{
-    scene::{AlphaMode, Coding, MetallicRoughness, NormalMap, Opacity, Texture, TextureRef},
+    scene::{AlphaMode, Coding, Light, LightShape, MetallicRoughness, NormalMap, Opacity, Texture, TextureRef},
     texel::SurfacePoint,
     units::Rgb,
 };
@@ -49,7 +51,7 @@ fn points() -> impl Iterator<Item = (f32, f32)> {
 fn passed(scene: &BakeScene, blockers: Blockers) -> Rgb {
     let mut sum = Rgb::BLACK;
     for (x, y) in points() {
-        sum += scene.visible(Vec3::new(x, y, 99.0), Vec3::new(x, y, -0.5), blockers, &mut RayCount::default());
+        sum += scene.visible(Vec3::new(x, y, 999.0), Vec3::new(x, y, -0.5), blockers, &mut RayCount::default());
     }
     sum * (1.0 / 4096.0)
 }
@@ -59,7 +61,7 @@ fn walked(scene: &BakeScene) -> Rgb {
     let wall = scene.prim_of(scene.scene().surfaces.len() - 1, 0);
     let mut sum = Rgb::BLACK;
     for (k, (x, y)) in points().enumerate() {
-        let ray = Ray::unbounded(Vec3::new(x, y, 9.0), -Vec3::Z);
+        let ray = Ray::unbounded(Vec3::new(x, y, 999.0), -Vec3::Z);
         let met = scene.closest(&ray, || crate::sampling::sequence::mix(k as u64), &mut RayCount::default());
         if let Seen::Hit(hit, weight) = met
             && hit.prim >= wall
@@ -118,10 +120,17 @@ fn a_part_that_casts_no_shadow_blocks_paths_alone() {
 }
 
 #[test]
-fn more_layers_than_are_counted_are_black() {
-    let count = |n: usize| passed(&bake(panes(vec![blend(0.01); n])), Blockers::Everything).r;
-    assert!((count(LAYERS) - kiln_proto::math::pow(0.99, LAYERS as f32)).abs() < 1e-4);
-    assert_eq!(count(LAYERS + 1), 0.0);
+fn however_many_layers_there_are_all_count_for_shadow_rays_as_for_paths() {
+    for n in [16, 17, 33, 200] {
+        let scene = bake(panes(vec![blend(0.01); n]));
+        let (shadow, path, expected) = (passed(&scene, Blockers::Everything).r, walked(&scene).r, kiln_proto::math::pow(0.99, n as f32));
+        assert!((shadow / expected - 1.0).abs() < 1e-4, "{n} layers: {shadow} {expected}");
+        assert!((path - expected).abs() < 4.5 * (expected * (1.0 - expected)).sqrt() / 64.0, "{n} layers: {path} {expected}");
+    }
+    // Panes that reflect nothing: a path that gets through forty of them is rare, and counts for all that do not.
+    let glass = || rough(MetallicRoughness { ior: 1.0, transmission: 1.0, ..appendix_b([0.99; 3], 0.0, 0.0) });
+    let scene = bake(panes((0..40).map(|_| glass()).collect()));
+    assert!((passed(&scene, Blockers::Everything).r / kiln_proto::math::pow(0.99, 40.0) - 1.0).abs() < 1e-4);
 }
 
 #[test]
@@ -203,20 +212,25 @@ fn views_below_the_tilted_horizon_are_taken_along_it_and_light_from_there_leaks_
     assert!(vertex.arriving(Vec3::new(0.6, 0.0, 0.8)).is_some());
 }
 
-#[test]
-fn points_of_smooth_triangles_are_raised_onto_the_sphere_that_their_normals_mean() {
+/// A triangle of the unit sphere about the origin with the normals of the sphere.
+fn facet(material: Material) -> Scene {
     let (sin, cos) = kiln_proto::math::sin_cos_degrees(22.5);
     let at = |x: f64, y: f64| Vec3::new((sin * x) as f32, cos as f32, (sin * y) as f32);
     let corners = [at(-1.0, 0.0), at(1.0, 0.0), at(0.0, -1.0)];
     let mut scene = empty();
-    add_quad(&mut scene, "s", [0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], lambert(0.5, 0.0));
+    add_quad(&mut scene, "s", [0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], material);
     scene.positions = corners.map(|c| c.to_array()).to_vec();
     scene.normals = corners.map(|c| c.normalize().to_array()).to_vec();
     scene.surfaces[0].triangles.truncate(1);
     scene.surfaces[0].uv_sets.clear();
     scene.surfaces[0].parts[0].triangles = 1;
     scene.surfaces[0].normals = vec![[0, 1, 2]];
-    let scene = bake(scene);
+    scene
+}
+
+#[test]
+fn points_of_smooth_triangles_are_raised_onto_the_sphere_that_their_normals_mean() {
+    let scene = bake(facet(lambert(0.5, 0.0)));
     let middle = scene.vertex(&Hit { prim: 0, t: 1.0, u: 0.4, v: 0.2 });
     let (flat, corner) = (scene.prim(0).at([0.4, 0.2]), scene.vertex(&Hit { prim: 0, t: 1.0, u: 0.0, v: 0.0 }));
     assert!(middle.frame.normal.distance(flat.normalize()) < 0.02, "{} {}", middle.frame.normal, flat.normalize());
@@ -237,4 +251,39 @@ fn normals_that_point_to_the_back_are_replaced_as_they_are_for_texels() {
     let scene = bake(scene);
     let normals = scene.normals[scene.prim(0).smooth.unwrap() as usize];
     assert_eq!(normals, wanted.map(|n| n.as_vec3()));
+}
+
+/// A lamp is 4 cm behind a leaf whose front is raised by as much again: a light sample that starts there is neither where nor as strong as
+/// what a path finds that starts behind.
+#[test]
+fn light_close_behind_a_coarse_smooth_leaf_is_the_same_by_light_samples_and_by_paths() {
+    let leaf = rough(MetallicRoughness { transmission: 1.0, ..appendix_b([1.0; 3], 0.0, 0.9) });
+    let mut scene = facet(leaf);
+    add_quad(&mut scene, "lamp", [0.0, 0.884, -0.15], [0.06, 0.0, 0.0], [0.0, 0.0, -0.06], lambert(0.0, 1.0));
+    scene.lights = vec![Light::new("l", LightShape::Point { position: [0.03, 0.884, -0.05] }, Rgb::WHITE)];
+    let scene = bake(scene);
+    let vertex = scene.vertex(&Hit { prim: 0, t: 1.0, u: 0.4, v: 0.3 });
+    assert!(vertex.bsdf.is_translucent() && vertex.lifted.distance(vertex.sunk) > 0.03, "{vertex:?}");
+    let (mut tracer, wo) = (Tracer::new(&scene, 2), vertex.toward(vertex.frame.normal));
+    let value = |wi: Vec3| vertex.bsdf.eval(wi, wo).g * wi.z.abs();
+    const COUNT: u32 = 1 << 16;
+    let (mut by_light, mut by_path) = (0.0, 0.0);
+    for index in 0..COUNT {
+        let key = TexelKey::new(1, 0, 0);
+        if let Some(light) = tracer.connect(&vertex, key.pair(Dimension::LIGHT, index)) {
+            let arriving = vertex.arriving(light.direction).unwrap();
+            by_light += f64::from(light.emitted.g * tracer.reaches(&light).g * value(arriving) / light.pdf) / f64::from(COUNT);
+        }
+        let up = warp::cosine_hemisphere(key.pair(Dimension::COSINE, index));
+        let wi = up.with_z(-up.z);
+        let found = tracer.incident(&vertex, vertex.frame.to_world(wi), 2, PathSample { key, index });
+        by_path += f64::from(found.emitted.g * value(wi) / (up.z * std::f32::consts::FRAC_1_PI)) / f64::from(COUNT);
+    }
+    assert!(by_light > 0.005 && (by_light / by_path - 1.0).abs() < 0.02, "{by_light} {by_path}");
+    let shine = tracer.shine(&vertex, 0).unwrap();
+    let toward = Vec3::new(0.03, 0.884, -0.05) - vertex.sunk;
+    assert!(
+        (shine.light.g * toward.length_squared() - 1.0).abs() < 1e-4 && shine.direction.distance(toward.normalize()) < 1e-5,
+        "{shine:?}"
+    );
 }

@@ -63,6 +63,16 @@ impl Vertex {
     pub fn origin(&self, direction: Vec3) -> Vec3 {
         if self.frame.normal.dot(direction) >= 0.0 { self.lifted } else { self.sunk }
     }
+
+    /// Where a point is seen from: the origin whose rays, by [`Vertex::origin`], can meet it. A smooth surface is lifted far and sunk
+    /// little, so direction and distance of a near light differ between the two, and so does its density. `None` between the lifted and
+    /// the sunk horizon, where no ray of either goes.
+    #[must_use]
+    #[inline]
+    pub fn origin_toward(&self, point: Vec3) -> Option<Vec3> {
+        let height = |from: Vec3| self.frame.normal.dot(point - from);
+        if height(self.lifted) >= 0.0 { Some(self.lifted) } else { (height(self.sunk) < 0.0).then_some(self.sunk) }
+    }
 }
 
 impl BakeScene {

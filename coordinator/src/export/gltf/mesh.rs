@@ -18,6 +18,7 @@ struct Vertices {
     known: BTreeMap<Vec<u32>, u32>,
     positions: Vec<[f32; 3]>,
     normals: Vec<[f32; 3]>,
+    tangents: Vec<[f32; 4]>,
     colors: Vec<[f32; 4]>,
     /// By set, v down.
     uvs: Vec<Vec<[f32; 2]>>,
@@ -28,6 +29,7 @@ struct Vertices {
 struct Corner {
     position: [f32; 3],
     normal: Option<[f32; 3]>,
+    tangent: Option<[f32; 4]>,
     color: Option<[f32; 4]>,
     uvs: Vec<[f32; 2]>,
 }
@@ -94,6 +96,10 @@ impl Writer<'_> {
         if !vertices.normals.is_empty() {
             attributes.insert("NORMAL".into(), json!(self.buffers.attribute(&vertices.normals, false)?));
         }
+        // Where a corner has none, whoever reads the file makes them all; without normals glTF has none.
+        if !vertices.normals.is_empty() && vertices.tangents.len() == vertices.positions.len() {
+            attributes.insert("TANGENT".into(), json!(self.buffers.attribute(&vertices.tangents, false)?));
+        }
         if vertices.colors.iter().any(|c| *c != [1.0; 4]) {
             attributes.insert("COLOR_0".into(), json!(self.buffers.attribute(&vertices.colors, false)?));
         }
@@ -116,6 +122,7 @@ impl Writer<'_> {
         Corner {
             position: scene.positions[surface.triangles[triangle].corners[corner] as usize],
             normal: surface.normals.get(triangle).map(|n| self.normal(surface, triangle, n[corner])),
+            tangent: surface.tangents.get(triangle).and_then(|t| unit_tangent(scene.tangents[t[corner] as usize])),
             // A material that only emits has its own colour at every vertex; a vertex's opacity acts all the same.
             color: color.map(|c| if unlit { [1.0, 1.0, 1.0, c[3]] } else { c }),
             uvs: uvs.collect(),
@@ -145,6 +152,13 @@ impl Writer<'_> {
     }
 }
 
+/// A tangent of length one, if it has a length.
+fn unit_tangent([x, y, z, side]: [f32; 4]) -> Option<[f32; 4]> {
+    let tangent = Vec3::new(x, y, z);
+    let unit = if (tangent.length_squared() - 1.0).abs() <= UNIT { Some(tangent) } else { tangent.try_normalize() };
+    unit.map(|t| t.extend(side).to_array())
+}
+
 /// Whether a surface and its back differ in nothing but their side.
 fn same_sides(front: &Surface, back: &Surface) -> bool {
     let materials = |s: &Surface| s.parts.iter().map(|p| (p.material, p.triangles)).collect::<Vec<_>>();
@@ -153,8 +167,9 @@ fn same_sides(front: &Surface, back: &Surface) -> bool {
 
 impl Vertices {
     fn add(&mut self, corner: Corner) {
-        let Corner { position, normal, color, uvs } = corner;
-        let numbers = [&position[..], normal.as_ref().map_or(&[], |n| &n[..]), color.as_ref().map_or(&[], |c| &c[..]), uvs.as_flattened()];
+        let Corner { position, normal, tangent, color, uvs } = corner;
+        let of_four = |v: &Option<[f32; 4]>| v.map_or(vec![], |v| v.to_vec());
+        let numbers = [&position[..], normal.as_ref().map_or(&[], |n| &n[..]), &of_four(&tangent), &of_four(&color), uvs.as_flattened()];
         let key = numbers.into_iter().flatten().map(|v| v.to_bits()).collect();
         let next = self.positions.len() as u32;
         let id = *self.known.entry(key).or_insert(next);
@@ -162,6 +177,7 @@ impl Vertices {
         if id == next {
             self.positions.push(position);
             self.normals.extend(normal);
+            self.tangents.extend(tangent);
             self.colors.extend(color);
             self.uvs.iter_mut().zip(uvs).for_each(|(set, uv)| set.push(uv));
         }

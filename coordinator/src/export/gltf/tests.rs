@@ -76,8 +76,11 @@ fn faithful() -> Scene {
     scene.colors = vec![[1.0, 0.5, 0.25, 1.0], [0.0, 1.0, 0.5, 0.5]];
     let mut pane = quad(&mut scene, "pane", 0.0, 0);
     pane.normals = vec![[0, 1, 1], [0, 1, 0]];
+    pane.tangents = vec![[0, 1, 1], [0, 1, 0]];
+    scene.tangents = vec![[1.0, 0.0, 0.0, 1.0], [0.0, 0.8, -0.6, -1.0], [1.0, 0.0, 0.0, -1.0], [0.0, 0.8, -0.6, 1.0]];
     pane.colors = vec![[0, 1, 1], [0, 1, 0]];
-    let back = Surface { normals: vec![[2, 3, 3], [2, 2, 3]], colors: vec![[0, 1, 1], [0, 0, 1]], ..two_sided(&pane, 0) };
+    let (normals, tangents) = (vec![[2, 3, 3], [2, 2, 3]], vec![[2, 3, 3], [2, 2, 3]]);
+    let back = Surface { normals, tangents, colors: vec![[0, 1, 1], [0, 0, 1]], ..two_sided(&pane, 0) };
     scene.normals.extend([[0.0, 0.0, -1.0], [0.0, -0.6, -0.8]]);
     let sign = quad(&mut scene, "sign", 1.0, 1);
     scene.surfaces = vec![pane, back, sign];
@@ -121,7 +124,8 @@ fn corners(scene: &Scene) -> Vec<(String, Vec<String>)> {
             let pick = |list: &[[u32; 3]]| list.get(t).map(|ids| ids[c] as usize);
             let (position, normal, color) = (s.triangles[t].corners[c] as usize, pick(&s.normals), pick(&s.colors));
             let uvs: Vec<_> = (0..s.uv_sets.len()).map(|set| s.uv(set, t).map(|uv| uv[c])).collect();
-            format!("{:?} {:?} {:?} {uvs:?}", scene.positions[position], normal.map(|n| scene.normals[n]), color.map(|n| scene.colors[n]))
+            let (normal, tangent) = (normal.map(|n| scene.normals[n]), pick(&s.tangents).map(|t| scene.tangents[t]));
+            format!("{:?} {normal:?} {tangent:?} {:?} {uvs:?}", scene.positions[position], color.map(|n| scene.colors[n]))
         };
         (0..s.triangles.len()).flat_map(|t| (0..3).map(move |c| (t, c))).map(|(t, c)| corner(t, c)).collect()
     };

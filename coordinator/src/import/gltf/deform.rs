@@ -22,6 +22,10 @@ pub(super) struct Shape {
     pub(super) positions: Vec<DVec3>,
     /// Normals of any length; empty where there are none.
     pub(super) normals: Vec<DVec3>,
+    /// Tangents of any length; empty where there are none.
+    pub(super) tangents: Vec<DVec3>,
+    /// The sides of their bitangents, 1 or -1.
+    pub(super) sides: Vec<f64>,
 }
 
 /// What taking a shape to world space did to it.
@@ -73,21 +77,29 @@ impl Shape {
         let buffers = &accessors.buffers;
         let mut positions: Vec<DVec3> = primitive.positions.all(buffers).map(DVec3::from_array).collect();
         let mut normals: Vec<DVec3> = primitive.normals.map(|n| n.all(buffers).map(DVec3::from_array).collect()).unwrap_or_default();
+        let side = |w: f64| if w < 0.0 { -1.0 } else { 1.0 };
+        let given = primitive.tangents.into_iter().flat_map(|t| t.all::<4>(buffers)).map(|[x, y, z, w]| (DVec3::new(x, y, z), side(w)));
+        let (mut tangents, sides): (Vec<DVec3>, Vec<f64>) = given.unzip();
         for (target, weight) in primitive.targets.iter().zip(weights).filter(|(_, w)| **w != 0.0) {
-            for (values, moves) in [(&mut positions, target[0]), (&mut normals, target[1])] {
+            for (values, moves) in [(&mut positions, target[0]), (&mut normals, target[1]), (&mut tangents, target[2])] {
                 let Some(moves) = moves else { continue };
                 values.iter_mut().zip(moves.all(buffers)).for_each(|(v, by)| *v += DVec3::from_array(by) * *weight);
             }
         }
-        Self { positions, normals }
+        Self { positions, normals, tangents, sides }
     }
 
     /// Takes it to world space.
     pub(super) fn place(&mut self, world: DMat4) -> Moved {
-        let of_normals = for_normals(DMat3::from_mat4(world));
+        let (linear, of_normals) = (DMat3::from_mat4(world), for_normals(DMat3::from_mat4(world)));
+        let mirrored = linear.determinant() < 0.0;
         self.positions.iter_mut().for_each(|p| *p = world.transform_point3(*p));
         self.normals.iter_mut().for_each(|n| *n = of_normals * *n);
-        Moved { mirrored: DMat3::from_mat4(world).determinant() < 0.0, stretch: stretch(&world) }
+        self.tangents.iter_mut().for_each(|t| *t = linear * *t);
+        if mirrored {
+            self.sides.iter_mut().for_each(|side| *side = -*side);
+        }
+        Moved { mirrored, stretch: stretch(&world) }
     }
 
     /// Takes it to world space by the joints of a skin, whose weights are brought to a sum of one.
@@ -116,10 +128,14 @@ impl Shape {
                 }
             };
             let linear = DMat3::from_mat4(blended);
-            mirrored += usize::from(linear.determinant() < 0.0);
+            let turned = linear.determinant() < 0.0;
+            mirrored += usize::from(turned);
             self.positions[vertex] = blended.transform_point3(self.positions[vertex]);
             if let Some(normal) = self.normals.get_mut(vertex) {
                 *normal = for_normals(linear) * *normal;
+            }
+            if let (Some(tangent), Some(side)) = (self.tangents.get_mut(vertex), self.sides.get_mut(vertex)) {
+                (*tangent, *side) = (linear * *tangent, if turned { -*side } else { *side });
             }
         }
         report.count_many(primitive.json, "vertices whose joints have no weight were left in their bind pose", unbound);

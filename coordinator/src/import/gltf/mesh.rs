@@ -3,6 +3,7 @@
 use super::{
     accessor::{Accessor, Accessors},
     element::Component,
+    form::{COLOR, COORDINATES, INDICES, JOINTS, TANGENT, VECTOR, WEIGHTS, of_form},
     json::Json,
     property::ANY,
     report::Report,
@@ -37,39 +38,22 @@ pub(super) struct Primitive<'s, 'd> {
     pub(super) positions: &'s Accessor<'d>,
     /// Vertex normals.
     pub(super) normals: Option<&'s Accessor<'d>>,
-    /// Whether it brings tangents, which are not read.
-    pub(super) has_tangents: bool,
+    /// Vertex tangents.
+    pub(super) tangents: Option<&'s Accessor<'d>>,
     /// Texture coordinates by set.
     pub(super) uvs: Vec<Option<&'s Accessor<'d>>>,
     /// Vertex colours.
     pub(super) colors: Option<&'s Accessor<'d>>,
     /// Joints and their weights, four at a time.
     pub(super) influences: Vec<(&'s Accessor<'d>, &'s Accessor<'d>)>,
-    /// Morph targets: displacements of positions and normals.
-    pub(super) targets: Vec<[Option<&'s Accessor<'d>>; 2]>,
+    /// Morph targets: displacements of positions, normals and tangents.
+    pub(super) targets: Vec<[Option<&'s Accessor<'d>>; 3]>,
     /// Index of its material.
     pub(super) material: Option<usize>,
 }
 
 /// Sets of joints and weights that are read: 32 joints a vertex.
 const INFLUENCES: usize = 8;
-
-/// What an attribute may be made of.
-struct Form {
-    kinds: &'static [&'static str],
-    components: &'static [Component],
-    /// Whether integers must be normalized.
-    normalized: bool,
-}
-
-const INTEGERS_AND_FLOATS: &[Component] = &[Component::F32, Component::I8, Component::U8, Component::I16, Component::U16];
-/// Positions, normals and texture coordinates may be integers by KHR_mesh_quantization.
-const VECTOR: Form = Form { kinds: &["VEC3"], components: INTEGERS_AND_FLOATS, normalized: false };
-const COORDINATES: Form = Form { kinds: &["VEC2"], components: INTEGERS_AND_FLOATS, normalized: false };
-const COLOR: Form = Form { kinds: &["VEC3", "VEC4"], components: &[Component::F32, Component::U8, Component::U16], normalized: true };
-const JOINTS: Form = Form { kinds: &["VEC4"], components: &[Component::U8, Component::U16], normalized: false };
-const WEIGHTS: Form = Form { kinds: &["VEC4"], components: &[Component::F32, Component::U8, Component::U16], normalized: true };
-const INDICES: Form = Form { kinds: &["SCALAR"], components: &[Component::U8, Component::U16, Component::U32], normalized: false };
 
 /// Reads all meshes.
 pub(super) fn load<'s, 'd>(
@@ -131,7 +115,7 @@ fn primitive<'s, 'd>(
         indices: None,
         positions,
         normals: None,
-        has_tangents: false,
+        tangents: None,
         uvs: vec![],
         colors: None,
         influences: vec![],
@@ -174,7 +158,7 @@ impl<'s, 'd> Primitive<'s, 'd> {
             let number = name.rsplit_once('_').and_then(|(_, n)| n.parse::<usize>().ok());
             match (name.as_ref(), number) {
                 ("NORMAL", _) => self.normals = Some(of_form(at, &VECTOR, count, accessors, report)?),
-                ("TANGENT", _) => self.has_tangents = true,
+                ("TANGENT", _) => self.tangents = Some(of_form(at, &TANGENT, count, accessors, report)?),
                 ("COLOR_0", _) => self.colors = Some(of_form(at, &COLOR, count, accessors, report)?),
                 (set, Some(n)) if set.starts_with("TEXCOORD_") && n < limits::UV_SETS => {
                     self.uvs.resize(self.uvs.len().max(n + 1), None);
@@ -255,34 +239,6 @@ impl<'s, 'd> Primitive<'s, 'd> {
     }
 }
 
-/// The accessor that an attribute names, if it is of the form that the attribute wants.
-fn of_form<'s, 'd>(
-    at: Json<'_>,
-    form: &Form,
-    count: Option<usize>,
-    accessors: &'s Accessors<'d, '_>,
-    report: &mut Report<'_>,
-) -> Option<&'s Accessor<'d>> {
-    let found = accessors.at(at, report)?;
-    if !form.kinds.contains(&found.kind()) {
-        report.error(at, format!("an accessor of type {} is expected here, not {}", form.kinds.join(" or "), found.kind()));
-        return None;
-    }
-    if !form.components.contains(&found.component) {
-        report.error(at, format!("the component type {} is not allowed here", found.component.code()));
-        return None;
-    }
-    if form.normalized && found.component != Component::F32 && !found.normalized {
-        report.error(at, "integers must be `normalized` here");
-        return None;
-    }
-    if let Some(count) = count.filter(|count| *count != found.count) {
-        report.error(at, format!("the accessor has {} elements, but the primitive has {count} vertices", found.count));
-        return None;
-    }
-    Some(found)
-}
-
 fn influences<'s, 'd>(
     attributes: Json<'d>,
     vertices: usize,
@@ -315,14 +271,14 @@ fn targets<'s, 'd>(
     vertices: usize,
     accessors: &'s Accessors<'d, '_>,
     report: &mut Report<'_>,
-) -> Option<Vec<[Option<&'s Accessor<'d>>; 2]>> {
+) -> Option<Vec<[Option<&'s Accessor<'d>>; 3]>> {
     let mut found = vec![];
     for target in report.objects(json, "targets") {
         let read = |name: &str, report: &mut Report<'_>| match target.get(name) {
             Some(at) => of_form(at, &VECTOR, Some(vertices), accessors, report).map(Some),
             None => Some(None),
         };
-        found.push([read("POSITION", report)?, read("NORMAL", report)?]);
+        found.push([read("POSITION", report)?, read("NORMAL", report)?, read("TANGENT", report)?]);
         if target.members().any(|(name, _)| name.starts_with("TEXCOORD_") || name.starts_with("COLOR_")) {
             report.count(target, "morph targets of texture coordinates or colours were ignored, only shape is morphed");
         }

@@ -13,6 +13,7 @@ mod container;
 mod deform;
 mod element;
 mod extension;
+mod form;
 mod instance;
 mod json;
 mod layout;

@@ -132,6 +132,7 @@ impl Surfaces {
     ) {
         let json = placed.primitive.json;
         say_what_is_missing(placed, chosen, report);
+        let tangents = if chosen.has_normal_map { tangents(placed, report) } else { vec![] };
         let mut surface = Surface { uv_sets: vec![vec![]; placed.uvs.len()], ..Surface::default() };
         let mut places = vec![UNUSED; placed.shape.positions.len()];
         for (polygon, corners) in placed.primitive.triangles(accessors).enumerate() {
@@ -149,6 +150,9 @@ impl Surfaces {
             }
             surface.triangles.push(Triangle { corners: ids, polygon: polygon as u32 });
             self.corners(&mut surface, placed, corners, report);
+            if !tangents.is_empty() {
+                surface.tangents.push(corners.map(|v| self.made.weld.tangents.id(tangents[v])));
+            }
         }
         if surface.triangles.is_empty() {
             report.count(json, "primitives without any triangle left were dropped");
@@ -240,9 +244,25 @@ fn say_what_is_missing(placed: &Placed<'_, '_, '_>, chosen: &Chosen, report: &mu
     if chosen.sets.iter().any(|set| placed.uvs.get(*set as usize).is_none_or(Vec::is_empty)) {
         report.count(json, "primitives lack texture coordinates that their material looks up; the lower left texel is taken");
     }
-    if chosen.has_normal_map && placed.primitive.has_tangents {
-        report.count(json, "tangents of primitives with a normal map were not read; they are derived from texture coordinates");
+}
+
+/// The author's unit tangents with the sides of their bitangents; empty where there are none to be used, so that they are made.
+fn tangents(placed: &Placed<'_, '_, '_>, report: &mut Report<'_>) -> Vec<[f32; 4]> {
+    let (shape, json) = (&placed.shape, placed.primitive.json);
+    if shape.tangents.is_empty() {
+        return vec![];
     }
+    if shape.normals.is_empty() {
+        report.count(json, "tangents of primitives without normals were ignored, as glTF wants");
+        return vec![];
+    }
+    let unit = |t: &DVec3| t.try_normalize().filter(|t| t.is_finite());
+    let tangents = shape.tangents.iter().zip(&shape.sides).map(|(t, side)| Some(unit(t)?.as_vec3().extend(*side as f32).to_array()));
+    let all: Option<Vec<[f32; 4]>> = tangents.collect();
+    all.unwrap_or_else(|| {
+        report.count(json, "primitives with a tangent without a length; all of their tangents were made from texture coordinates");
+        vec![]
+    })
 }
 
 /// The name of a node, else of its mesh, else a number.

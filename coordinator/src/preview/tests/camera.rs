@@ -159,7 +159,7 @@ fn parallel_rays_see_what_lies_before_them() {
     let view = View { camera: Some("door".into()), size: size(8, 8), ..View::default() };
     let camera = view.camera(&scene).unwrap();
     let plan = plan_of(&scene, "16x16", "2x2");
-    let seen = nearest(&Stage::new(&scene, &plan, &camera).look(&camera, 0..8, &Stop::default()).unwrap());
+    let seen = nearest(&look(&scene, &plan, &camera, &Stop::default()).unwrap());
     // Two metres of the wall, from x = 0 to 2: every step is a quarter of a metre.
     let u: Vec<f32> = seen[..8].iter().map(|s| s.unwrap().uv[0]).collect();
     assert!(u.windows(2).all(|w| (w[1] - w[0] - 0.75 * 0.25 / 4.0).abs() < 1e-6), "{u:?}");

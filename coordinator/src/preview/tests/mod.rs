@@ -5,7 +5,7 @@ mod picture;
 mod veil;
 mod visibility;
 
-use super::visibility::{Looked, Seen, Stage};
+use super::visibility::{Looked, Seen};
 use super::*;
 use glam::Vec3;
 use kiln_proto::{
@@ -123,6 +123,12 @@ fn corner() -> Scene {
         ],
         0.75,
     )
+}
+
+/// The first layers that the rays of a camera see.
+fn look(scene: &Scene, plan: &Plan, camera: &Camera, stop: &Stop) -> Result<Looked, Stopped> {
+    let PictureSize { width, height } = camera.size();
+    Stage::new(scene, plan, camera).look(camera, 0..height, &vec![Walk::Eye; (width * height) as usize], stop)
 }
 
 /// The nearest that each ray sees.

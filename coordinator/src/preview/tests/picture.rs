@@ -31,7 +31,7 @@ fn every_pixel_is_the_reference_lookup() {
     let holds = |_: usize, texel: u64| !(20 * 70..25 * 70).contains(&texel) && texel % 70 != 30;
     let files = files_of(&scene, &plan, holds);
     let camera = overview();
-    let seen = nearest(&Stage::new(&scene, &plan, &camera).look(&camera, 0..71, &Stop::default()).unwrap());
+    let seen = nearest(&look(&scene, &plan, &camera, &Stop::default()).unwrap());
     let factor = plan.exposure().factor();
     let expected: Vec<Option<Rgb>> = seen
         .iter()
@@ -88,7 +88,7 @@ fn a_picture_of_several_bands_is_one_picture() {
     let tall = camera_at([0.5, 1.5, 6.0], [0.5, 1.5, 0.0], size(1_024, 600));
     let frame = picture(&scene, &plan, &files, &tall, Origin::Codec, Mode::LightField).unwrap();
     assert_eq!(frame.pixels().len(), 1_024 * 600);
-    let seen = nearest(&Stage::new(&scene, &plan, &tall).look(&tall, 0..600, &Stop::default()).unwrap());
+    let seen = nearest(&look(&scene, &plan, &tall, &Stop::default()).unwrap());
     assert!(frame.pixels().iter().zip(&seen).all(|(p, s)| p.chart == s.map_or(0, |s| s.chart)));
     let rows = |y: usize| &frame.pixels()[y * 1_024..(y + 1) * 1_024];
     assert!(rows(511).iter().zip(rows(512)).any(|(a, b)| a.found && b.found), "light on both sides of the seam");
@@ -196,7 +196,7 @@ fn a_picture_is_given_up_when_nobody_wants_it_or_its_time_is_over() {
     assert!(matches!(error, RenderError::Stopped(Stopped::Unwanted)), "{error}");
     assert_eq!(files.2.load(Ordering::SeqCst), 4, "the four files of the first surface");
     // And between rows of rays.
-    let seen = Stage::new(&scene, &plan, &overview()).look(&overview(), 0..71, &stop);
+    let seen = look(&scene, &plan, &overview(), &stop);
     assert_eq!(seen, Err(Stopped::Unwanted));
 }
 

@@ -88,11 +88,23 @@ fn masks_have_holes_and_clear_glass_colours_what_lies_behind() {
 }
 
 #[test]
-fn more_layers_than_are_followed_end_in_the_dark() {
+fn however_many_layers_there_are_each_is_seen() {
     let mut scene = sheets(40);
     scene.materials.iter_mut().for_each(|m| m.opacity = opacity(AlphaMode::Blend, 0.125));
     let found = pixel(&scene, AT, 1.0);
-    assert!(found.background.r > 0.1 && found.background.r < 0.125, "0.875 to the sixteenth: {found:?}");
+    assert!((found.background.r / 0.875f32.powi(40) - 1.0).abs() < 1e-4, "{found:?}");
+    assert!(found.found && found.chart == 1);
+    // What is behind sixteen of them, the last of one go, and what ends there.
+    for count in [16, 17, 32] {
+        let mut scene = sheets(count);
+        scene.materials[..count - 1].iter_mut().for_each(|m| m.opacity = opacity(AlphaMode::Blend, 0.0625));
+        let light = alone(&scene, count - 1);
+        let found = pixel(&scene, AT, 1.0);
+        assert_eq!(found.background, Rgb::BLACK);
+        let (own, through) = (0.0625, 0.9375f32);
+        let expected = (0..count).map(|k| if k + 1 == count { light } else { alone(&scene, k) * own } * through.powi(k as i32));
+        assert!(near(found.radiance, expected.fold(Rgb::BLACK, |sum, l| sum + l)), "{count}: {found:?}");
+    }
 }
 
 #[test]

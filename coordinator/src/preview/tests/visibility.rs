@@ -1,7 +1,7 @@
 use super::*;
 
-fn look(scene: &Scene, plan: &Plan, camera: &Camera) -> Vec<Option<Seen>> {
-    nearest(&Stage::new(scene, plan, camera).look(camera, 0..camera.size().height, &Stop::default()).unwrap())
+fn seen_by(scene: &Scene, plan: &Plan, camera: &Camera) -> Vec<Option<Seen>> {
+    nearest(&look(scene, plan, camera, &Stop::default()).unwrap())
 }
 
 #[test]
@@ -9,15 +9,15 @@ fn a_pixel_sees_the_nearest_front_where_it_is() {
     let scene = corner();
     let plan = plan_of(&scene, "16x16", "2x2");
     let camera = camera_at([0.5, 1.0, 3.0], [0.5, 1.0, -2.0], size(1, 1));
-    let seen = look(&scene, &plan, &camera)[0].unwrap();
+    let seen = seen_by(&scene, &plan, &camera)[0].unwrap();
     assert_eq!((seen.surface, seen.chart), (1, 2));
     // The wall's u runs over x from -2 to 2, its v over y from 0 to 3, up to 0.75.
     assert!((seen.uv[0] - 0.75 * 2.5 / 4.0).abs() < 1e-6 && (seen.uv[1] - 0.25).abs() < 1e-6, "{:?}", seen.uv);
     assert!(seen.toward.distance(Vec3::Z) < 1e-6, "the wall is seen from straight ahead");
     let behind = camera_at([0.0, 1.0, -9.0], [0.0, 1.0, 0.0], size(1, 1));
-    assert_eq!(look(&scene, &plan, &behind), [None], "its back is not there, and the floor is seen edge on");
+    assert_eq!(seen_by(&scene, &plan, &behind), [None], "its back is not there, and the floor is seen edge on");
     let floor = camera_at([0.0, 2.0, 0.0], [0.0, 0.0, 0.0], size(1, 1));
-    let seen = look(&scene, &plan, &floor)[0].unwrap();
+    let seen = seen_by(&scene, &plan, &floor)[0].unwrap();
     assert_eq!((seen.surface, seen.chart), (0, 1));
     assert!((seen.uv[0] - 0.375).abs() < 1e-6 && (seen.uv[1] - 0.375).abs() < 1e-6);
 }
@@ -28,7 +28,7 @@ fn charts_are_numbered_over_the_scene() {
     let mut plan = plan_of(&scene, "16x16", "2x2");
     plan.surfaces[0].charts = vec![5, 2];
     plan.surfaces[1].charts = vec![0, 1];
-    let seen = look(&scene, &plan, &camera_at([0.0, 3.0, 4.0], [0.0, 0.8, -1.0], size(40, 30)));
+    let seen = seen_by(&scene, &plan, &camera_at([0.0, 3.0, 4.0], [0.0, 0.8, -1.0], size(40, 30)));
     let charts: std::collections::BTreeSet<u32> = seen.iter().flatten().map(|s| s.chart).collect();
     assert_eq!(charts.into_iter().collect::<Vec<_>>(), [3, 6, 7, 8], "six of the floor, then the wall's");
 }
@@ -53,7 +53,7 @@ fn shared_edges_have_no_gaps() {
     for eye in [[6.0, 6.0, 5.0], [6.0, 6.0, 400.0], [5.0 + 1.0 / 3.0, 6.0, 3.0]] {
         let fov = if eye[2] > 100.0 { 1.0 } else { 45.0 };
         let camera = Camera::new(Vec3::from_array(eye), Vec3::new(eye[0], eye[1], 0.0), fov, size(240, 180)).unwrap();
-        let missed = look(&scene, &plan, &camera).iter().filter(|s| s.is_none()).count();
+        let missed = seen_by(&scene, &plan, &camera).iter().filter(|s| s.is_none()).count();
         assert_eq!(missed, 0, "{eye:?}");
     }
 }
@@ -63,7 +63,7 @@ fn of_surfaces_in_the_same_place_the_first_is_seen_however_many_there_are() {
     let quad = [[-2.0, 0.0, 2.0], [2.0, 0.0, 2.0], [2.0, 0.0, -2.0], [-2.0, 0.0, -2.0]];
     let scene = scene_of(&vec![quad; 1_500], 1.0);
     let plan = plan_of(&scene, "4x4", "2x2");
-    let seen = look(&scene, &plan, &camera_at([0.1, 2.0, 0.2], [0.0, 0.0, 0.0], size(5, 5)));
+    let seen = seen_by(&scene, &plan, &camera_at([0.1, 2.0, 0.2], [0.0, 0.0, 0.0], size(5, 5)));
     assert!(seen.iter().all(|s| s.is_some_and(|s| s.surface == 0)), "{seen:?}");
 }
 
@@ -71,5 +71,5 @@ fn of_surfaces_in_the_same_place_the_first_is_seen_however_many_there_are() {
 fn a_scene_without_triangles_is_all_background() {
     let scene = scene_of(&[], 1.0);
     let plan = plan_of(&scene, "4x4", "2x2");
-    assert!(look(&scene, &plan, &camera_at([0.0, 0.0, 1.0], [0.0, 0.0, 0.0], size(3, 2))).iter().all(Option::is_none));
+    assert!(seen_by(&scene, &plan, &camera_at([0.0, 0.0, 1.0], [0.0, 0.0, 0.0], size(3, 2))).iter().all(Option::is_none));
 }

@@ -11,11 +11,12 @@ const textureRef = (w: ByteWriter, texture: number) => w.varint(texture).varint(
 /** A scene with every kind of thing in it: docs/formats.md, byte by byte. `change` may replace a piece. */
 function sceneBytes(change: Partial<Record<'version' | 'corner' | 'material' | 'end' | 'front' | 'texture', number>> = {}): Uint8Array {
   const w = new ByteWriter();
-  w.varint(change.version ?? 2);
+  w.varint(change.version ?? 3);
   w.varint(4).f32(0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0);
   w.varint(1).f32(0, 0, 1);
+  w.varint(1).f32(1, 0, 0, -1);
   w.varint(2).f32(1, 1, 1, 1, 1, 1, 1, 0.5);
-  // A surface of two parts with two coordinate sets, normals and colours; then its back, flat.
+  // A surface of two parts with two coordinate sets, normals, tangents and colours; then its back, flat.
   w.varint(2);
   w.text('leaf').text('leaf').u8(0);
   w.varint(2);
@@ -27,11 +28,12 @@ function sceneBytes(change: Partial<Record<'version' | 'corner' | 'material' | '
   w.varint(2).u8(0).u8(0);
   w.varint(2).u8(0).u8(1).f32(0.1, 0.2, 0.3, 0.4, 0.5, 0.6);
   w.varint(2).varint(0, 0, 0, 0, 0, 0);
+  w.varint(2).varint(0, 0, 0, 0, 0, 0);
   w.varint(2).varint(0, 0, 0, 0, 1, 0);
   w.text('leaf~back').text('leaf~back').u8(1).varint(change.front ?? 0);
   w.varint(1).text('leaf~back').varint(0, 2).u8(1).varint(0, 0, 0);
   w.varint(2).varint(0, 2, 1, 300).varint(0, 3, 2, 301);
-  w.varint(0, 0, 0);
+  w.varint(0, 0, 0, 0);
   // A mirror of MTL's kind, and a mask with a thin wall behind it that a texture varies.
   w.varint(3);
   w.text('bark').varint(1).f32(0.5, 0.4, 0.3);
@@ -104,7 +106,7 @@ describe('a scene', () => {
     const whole = sceneBytes();
     for (let length = 0; length < whole.length; length++) expect(() => read(whole.subarray(0, length)), `cut to ${length}`).toThrow('scene.kiln: ');
     expect(() => read(Uint8Array.of(...whole, 0))).toThrow('follow its end');
-    expect(() => read(sceneBytes({ version: 3 }))).toThrow('scene version 3; this page reads version 2');
+    expect(() => read(sceneBytes({ version: 2 }))).toThrow('scene version 2; this page reads version 3');
     expect(() => read(sceneBytes({ corner: 4 }))).toThrow('corner without position');
     expect(() => read(sceneBytes({ material: 9 }))).toThrow('no material');
     expect(() => read(sceneBytes({ end: 2 }))).toThrow('not its triangles');

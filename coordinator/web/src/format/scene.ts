@@ -12,7 +12,7 @@ import { type Light, type Projector, type SceneCamera, readCamera, readLight, re
 import { type Material, type TextureRef, mayBeClear, readMaterial } from './material.ts';
 import { type ChannelName, type SceneTexture, readTexture } from './texture.ts';
 
-const SCENE_VERSION = 2;
+const SCENE_VERSION = 3;
 
 /** A run of triangles of one material. */
 export interface Part {
@@ -97,6 +97,7 @@ export function readScene(r: ByteReader): Scene {
   if (version !== SCENE_VERSION) throw r.error(`scene version ${version}; this page reads version ${SCENE_VERSION}`);
   const positions = r.floats(r.length(12, 'positions') * 3, 'positions');
   const normals = r.floats(r.length(12, 'normals') * 3, 'normals');
+  r.floats(r.length(16, 'tangents') * 4, 'tangents');
   const colours = r.floats(r.length(16, 'colours') * 4, 'colours');
   const undecoded = r.list(8, 'surfaces', () => readSurface(r));
   const materials = r.list(22, 'materials', () => readMaterial(r));
@@ -128,7 +129,7 @@ function readSurface(r: ByteReader): Undecoded {
     r.varint('polygon');
   }
   const sets = r.list(1, 'coordinate sets', () => readOver(r));
-  const [normals, colours] = [r.varints(3, 'normals'), r.varints(3, 'colours')];
+  const [normals, , colours] = [r.varints(3, 'normals'), r.varints(3, 'tangents'), r.varints(3, 'colours')];
   return { surface: { name, fileStem, backOf, parts, corners, normals, uvSets: new Map(), colours: null }, sets, colours };
 }
 

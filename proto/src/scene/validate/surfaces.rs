@@ -47,7 +47,12 @@ impl Scene {
         for t in &s.triangles {
             t.corners.iter().try_for_each(|c| within(owner, "vertex", *c, self.positions.len()))?;
         }
-        for (what, corners, pool) in [("normals", &s.normals, self.normals.len()), ("colours", &s.colors, self.colors.len())] {
+        let pools = [
+            ("normals", &s.normals, self.normals.len()),
+            ("tangents", &s.tangents, self.tangents.len()),
+            ("colours", &s.colors, self.colors.len()),
+        ];
+        for (what, corners, pool) in pools {
             if !corners.is_empty() && corners.len() != all {
                 return Err(count(s, what, corners.len()));
             }

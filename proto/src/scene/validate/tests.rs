@@ -50,7 +50,7 @@ fn a_valid_scene_survives_its_canonical_bytes() {
 #[test]
 fn the_canonical_bytes_never_change() {
     let bytes = scene().to_bytes().unwrap();
-    assert_eq!(Scene::hash_of(&bytes).to_string(), "843acd9bed7b9e793313eeed9bf74b08727c7c655c7a2e644be59343c2b9e7b6");
+    assert_eq!(Scene::hash_of(&bytes).to_string(), "d473d09ddddebf9704434b493b42ab889d0cef16d86e02274a7eb77443fb1700");
 }
 
 #[test]
@@ -77,6 +77,8 @@ fn each_fault_is_found_and_named() {
     assert!(broken(short).contains("11 bytes"));
     assert!(broken(|s| s.surfaces[0].parts[0].triangles = 2).contains("2 triangles in its parts"));
     assert!(broken(|s| s.surfaces[0].normals = vec![[0; 3]]).contains("normals 0"));
+    assert!(broken(|s| s.surfaces[0].tangents = vec![[0; 3]]).contains("tangents 0"));
+    assert!(broken(|s| s.tangents = vec![[1.0, 0.0, 0.0, 0.5]]).contains("tangent 0"));
     assert!(broken(|s| s.surfaces[0].uv_sets = vec![vec![]]).contains("0 texture coordinates"));
     assert!(broken(|s| s.surfaces[0].parts[0].unlit_by = vec![3]).contains("light 3"));
     assert!(broken(|s| s.materials[0].opacity.factor = 1.5).contains("opacity"));

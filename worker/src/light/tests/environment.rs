@@ -146,3 +146,21 @@ fn an_open_scene_under_a_constant_sky_reflects_its_albedo() {
     let glossy = ask(even(phong(0.3, 0.5, 40.0)), &[([0.0; 3], [0.0, 1.0, 0.0])], 512, 16)[0];
     assert!((glossy.radiance.g - 0.8).abs() < 4.0 * glossy.stderr.g + 1e-3 && glossy.stderr.g < 0.01, "{glossy:?}");
 }
+
+#[test]
+fn many_turns_are_as_exact_as_none() {
+    for turns in [0.0, 1e4, 1e8] {
+        let map = Environment { rotation: (turns * 2.0 * PI) as f32, ..uneven() };
+        let sky = Sky::new(&map).unwrap();
+        for i in 0..200u32 {
+            let s = sky.sample(&map, [(i as f32 + 0.5) / 200.0, (i.reverse_bits() >> 8) as f32 / 16_777_216.0]).unwrap();
+            if s.direction.y.abs() < 0.99 {
+                let (radiance, pdf) = sky.eval(&map, s.direction);
+                assert!(
+                    (pdf / s.pdf - 1.0).abs() < 2e-3 && (radiance.r - s.radiance.r).abs() < 2e-3 * s.radiance.r,
+                    "{turns}: {s:?} {pdf}"
+                );
+            }
+        }
+    }
+}

@@ -8,6 +8,7 @@ mod geometry;
 mod hostile;
 mod lights;
 mod materials;
+mod tangents;
 
 use super::import;
 use crate::import::{Bundle, Content, Part, findings::Findings};

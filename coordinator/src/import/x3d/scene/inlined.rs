@@ -162,6 +162,14 @@ impl Surfaces {
                 });
                 surface.normals.push(turn(mirrors, moved.map(|n| self.weld.normals.id(n))));
             }
+            if let Some(tangents) = front.tangents.get(i) {
+                let moved = tangents.map(|t| {
+                    let [x, y, z, side] = file.tangents[t as usize];
+                    let [x, y, z] = space::narrow(matrix.transform_vector3(space::wide([x, y, z])).normalize_or_zero());
+                    self.weld.tangents.id([x, y, z, if mirrors { -side } else { side }])
+                });
+                surface.tangents.push(turn(mirrors, moved));
+            }
             if let Some(colors) = front.colors.get(i) {
                 surface.colors.push(turn(mirrors, colors.map(|c| self.weld.colors.id(file.colors[c as usize]))));
             }

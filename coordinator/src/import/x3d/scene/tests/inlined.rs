@@ -1,7 +1,9 @@
 //! Files of other formats, pictures in addresses, and instances that bring them.
 
 use super::{Value::*, *};
+use base64::{Engine, prelude::BASE64_STANDARD};
 use kiln_proto::{scene::Reflection, units::Rgb};
+use serde_json::json;
 
 const TRIANGLE: &[u8] = b"mtllib m.mtl\no chair\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl wood\nf 1 2 3\n";
 const WOOD: &[u8] = b"newmtl wood\nKd 0.5 0.25 0\n";
@@ -78,4 +80,38 @@ fn a_missing_picture_is_told_once_however_many_shapes_share_it() {
         assert_eq!(errors.len(), 1, "{errors:?}");
         assert!(errors[0].contains("`gone.png` is not in the bundle"), "{errors:?}");
     }
+}
+
+/// The author's tangents of an inlined file turn with it, and a mirror changes the sides of their bitangents.
+#[test]
+fn tangents_of_an_inlined_file_stand_as_it_stands() {
+    let numbers: [&[f32]; 4] = [
+        &[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0],
+        &[0.0, 0.0, 1.0, 0.0, 0.6, 0.8, 0.0, 0.0, 1.0],
+        &[0.6, 0.8, 0.0, 1.0, 1.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 1.0],
+        &[0.0, 0.0, 1.0, 0.0, 0.0, 1.0],
+    ];
+    let (mut bytes, mut views, mut accessors) = (vec![], vec![], vec![]);
+    for (values, kind) in numbers.iter().zip(["VEC3", "VEC3", "VEC4", "VEC2"]) {
+        views.push(json!({"buffer": 0, "byteOffset": bytes.len(), "byteLength": 4 * values.len()}));
+        accessors.push(json!({"bufferView": views.len() - 1, "componentType": 5126, "type": kind, "count": 3}));
+        bytes.extend(values.iter().flat_map(|v| v.to_le_bytes()));
+    }
+    let mut png = std::io::Cursor::new(vec![]);
+    image::RgbImage::from_pixel(1, 1, image::Rgb([128, 128, 255])).write_to(&mut png, image::ImageFormat::Png).unwrap();
+    let coded = |bytes: &[u8]| format!("data:application/octet-stream;base64,{}", BASE64_STANDARD.encode(bytes));
+    let leaf = json!({
+        "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"material": 0, "attributes": {"POSITION": 0, "NORMAL": 1, "TANGENT": 2, "TEXCOORD_0": 3}}]}],
+        "materials": [{"normalTexture": {"index": 0}}], "textures": [{"source": 0}], "images": [{"uri": coded(png.get_ref())}],
+        "buffers": [{"byteLength": bytes.len(), "uri": coded(&bytes)}], "bufferViews": views, "accessors": accessors
+    });
+    let main =
+        "#X3D V3.3 utf8\nPointLight { }\nInline { url \"leaf.gltf\" }\nTransform { scale -1 1 1 children Inline { url \"leaf.gltf\" } }\n";
+    let leaf = leaf.to_string();
+    let files = [("a.x3dv", main.as_bytes()), ("leaf.gltf", leaf.as_bytes())];
+    let scene = import_files(&files, &ImportOptions::default()).unwrap().0;
+    let first = |s: usize| scene.surfaces[s].tangents[0].map(|t| scene.tangents[t as usize]);
+    assert_eq!(first(0), [[0.6, 0.8, 0.0, 1.0], [1.0, 0.0, 0.0, 1.0], [1.0, 0.0, 0.0, 1.0]]);
+    assert_eq!(first(1), [[-0.6, 0.8, 0.0, -1.0], [-1.0, 0.0, 0.0, -1.0], [-1.0, 0.0, 0.0, -1.0]]);
 }
