@@ -3,7 +3,7 @@
 //! Outgoing radiance toward w_k is L_e(w_k) + ∫ f(w, w_k) L_i(w) cos dw. Instead of a path per direction, as a camera renderer has it, M
 //! incident directions are drawn once from a mixture that suits every w_k (a quarter cosine, the rest from the lobes that the grid's directions
 //! see), one path is traced for each, and the BRDF is evaluated for all directions against all of them; S = M/4 light samples are shared the
-//! same way. All of it is unbiased; what the directions of a texel share is their noise.
+//! same way. It is unbiased but for what docs/light-transport.md lists; what the directions of a texel share is their noise.
 //!
 //! Narrow lobes overlap few others, so that few of M samples would fall into each. They get samples of their own: runs of eight neighbouring
 //! directions share them, with the density of exactly those eight lobes, beside M cosine and S light samples that all runs share. Delta lobes
