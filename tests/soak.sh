@@ -30,8 +30,8 @@ cargo build --bin kiln
 step "the estimator against true radiance: all queries"
 cargo test --test system -- --nocapture reference
 
-step "glTF's materials against Mitsuba: every surface, every value of a floor of GGX"
-cargo test -p kiln-worker --lib -- --nocapture reference_tests
+step "glTF's materials against Mitsuba: every value of a floor of GGX"
+cargo test -p kiln-worker --lib -- --nocapture a_floor_of_ggx
 
 step "thesis-room at nominal sizes, $SAMPLES samples"
 time "$KILN" bake "$ROOM/thesis.obj" --settings "$ROOM/nominal.json" --preset preview --samples "$SAMPLES" --max-depth 5 \

@@ -135,7 +135,8 @@ fn texels_that_are_mirrors_in_part_are_the_mean_of_mirror_and_rough_points() {
             let budget = |samples| Budget { samples, max_depth: 3 };
             hemisphere::capture(&scene, &site(seed), budget(512), &views, &mut Scratch::default(), &mut a);
             hemisphere::capture_each(&scene, &site(1_000 + seed), budget(256), &views, &mut b);
-            (ours.push(a), theirs.push(b));
+            ours.push(a);
+            theirs.push(b);
         }
         same(name, &ours, &theirs);
     }

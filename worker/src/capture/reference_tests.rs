@@ -1,4 +1,5 @@
 //! Whole paths against Mitsuba's: the rooms of `tests/reference/metallic-roughness`.
+#![allow(clippy::print_stdout)] // The figures that a comparison came to are part of what the soak reports.
 
 use super::{
     footprint::Points,
@@ -109,9 +110,8 @@ fn compare(name: &str) {
     let scene = BakeScene::new(room(name), Simd::Auto).unwrap();
     let table = Table::read(&format!("reference/metallic-roughness/{name}-room.csv"));
     let queries = queries(&table);
-    let answers = evaluate(&scene, &queries, &settings(r#"{"samples":1024,"max_depth":5}"#), if soak() { 192 } else { 8 });
-    let samples = if soak() { 16_384 } else { 512 };
-    let paths: Vec<[(f64, f64); 3]> = queries.par_iter().map(|q| independent(&scene, q, samples)).collect();
+    let answers = evaluate(&scene, &queries, &settings(r#"{"samples":1024,"max_depth":5}"#), 8);
+    let paths: Vec<[(f64, f64); 3]> = queries.par_iter().map(|q| independent(&scene, q, 512)).collect();
     let (mut z2, mut totals) = (0.0, BTreeMap::<&str, [f64; 3]>::new());
     for ((k, row), answer) in table.rows().enumerate().zip(answers) {
         let shared = answer.unwrap().radiance.to_array();
@@ -132,10 +132,9 @@ fn compare(name: &str) {
     // Twelve seeds estimate their own spread, so that z² is Student's, 11/9 on average; channels share their noise: 200 free numbers, not 600.
     assert!(z2 < 1.9, "{z2}");
     for (surface, [paths, shared, truth]) in totals {
-        let off = |v: f64| if truth > 0.0 { (v / truth - 1.0).abs() } else { v };
-        let (by_paths, by_gather) = if soak() || surface.is_empty() { (0.01, if soak() { 0.01 } else { 0.04 }) } else { (0.02, 0.08) };
+        let (off, within) = (|v: f64| if truth > 0.0 { (v / truth - 1.0).abs() } else { v }, if surface.is_empty() { 0.01 } else { 0.02 });
         println!("{name}, {surface}: paths {:+.3} %, gather {:+.3} %", 100.0 * (paths / truth - 1.0), 100.0 * (shared / truth - 1.0));
-        assert!(off(paths) < by_paths && off(shared) < by_gather, "{surface}: {paths} {shared} {truth}");
+        assert!(off(paths) < within && off(shared) < 4.0 * within, "{surface}: {paths} {shared} {truth}");
     }
 }
 
@@ -187,7 +186,7 @@ fn a_floor_of_ggx_agrees_with_roughconductor_within_one_percent() {
                 let (off, sigma) = ((ours - truth).abs() / truth, (se * se + error * error).sqrt() / truth);
                 assert!(off < 0.01 + 4.0 * sigma, "roughness {roughness}, {name}: {ours} +- {error}, {truth} +- {se}");
             }
-            assert!(!soak() || name == "gather" || found.worst < 0.015, "roughness {roughness}: {found:?}");
+            assert!(!soak() || name == "gather" || found.worst < 0.01, "roughness {roughness}: {found:?}");
             let noise = if soak() { 0.0 } else { 4.0 * found.error };
             assert!(found.mean.abs() < 0.01 + noise, "roughness {roughness}, {name}: {found:?}");
         }

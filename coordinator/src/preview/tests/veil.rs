@@ -92,7 +92,7 @@ fn however_many_layers_there_are_each_is_seen() {
     let mut scene = sheets(40);
     scene.materials.iter_mut().for_each(|m| m.opacity = opacity(AlphaMode::Blend, 0.125));
     let found = pixel(&scene, AT, 1.0);
-    assert!((found.background.r / 0.875f32.powi(40) - 1.0).abs() < 1e-4, "{found:?}");
+    assert!((found.background.r / kiln_proto::math::pow(0.875, 40.0) - 1.0).abs() < 1e-4, "{found:?}");
     assert!(found.found && found.chart == 1);
     // What is behind sixteen of them, the last of one go, and what ends there.
     for count in [16, 17, 32] {
@@ -102,7 +102,8 @@ fn however_many_layers_there_are_each_is_seen() {
         let found = pixel(&scene, AT, 1.0);
         assert_eq!(found.background, Rgb::BLACK);
         let (own, through) = (0.0625, 0.9375f32);
-        let expected = (0..count).map(|k| if k + 1 == count { light } else { alone(&scene, k) * own } * through.powi(k as i32));
+        let expected =
+            (0..count).map(|k| if k + 1 == count { light } else { alone(&scene, k) * own } * kiln_proto::math::pow(through, k as f32));
         assert!(near(found.radiance, expected.fold(Rgb::BLACK, |sum, l| sum + l)), "{count}: {found:?}");
     }
 }
