@@ -48,7 +48,7 @@ fn sky(direction: DVec3) -> DVec3 {
     let (sin, cos) = math::sin_cos_degrees(ROTATION);
     let (x, z) = (direction.x * cos - direction.z * sin, direction.x * sin + direction.z * cos);
     let across = (0.5 + math::atan2(z, x) / (2.0 * PI)) * WIDTH as f64 - 0.5;
-    let down = ((0.5 - math::atan2(direction.y, x.hypot(z)) / PI) * HEIGHT as f64 - 0.5).clamp(0.0, (HEIGHT - 1) as f64);
+    let down = ((0.5 - math::atan2(direction.y, (x * x + z * z).sqrt()) / PI) * HEIGHT as f64 - 0.5).clamp(0.0, (HEIGHT - 1) as f64);
     let at = |dx: f64, dy: f64| {
         let column = (across.floor() + dx).rem_euclid(WIDTH as f64) as usize;
         let row = (down.floor() + dy).min((HEIGHT - 1) as f64) as usize;
