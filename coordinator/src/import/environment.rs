@@ -4,7 +4,7 @@
 //! before a pixel is decoded. Numbers that are no radiance (negative, not finite, beyond [`limits::BRIGHTEST`]) are clamped and counted: one broken
 //! pixel must not turn every texel of a bake into NaN.
 
-mod picture;
+pub(super) mod picture;
 
 use super::{
     Bundle,
@@ -44,18 +44,9 @@ pub(super) fn import(bundle: &Bundle, options: &ImportOptions, findings: &mut Fi
 
 fn finish(name: &str, mut picture: Picture, options: &ImportOptions, at: At<'_>, findings: &mut Findings) -> Environment {
     let (width, height) = (picture.width, picture.height);
-    if let Some(windows) = picture.windows {
-        findings.warn(at, format!("the environment has {windows}: what is missing is black, what lies outside is cut off"));
-    }
+    settle(&mut picture, at, findings);
     if width != 2 * height {
         findings.warn(at, format!("the environment has {width}x{height} pixels; a lat-long map is twice as wide as high; it is stretched"));
-    }
-    for value in picture.rgb.as_flattened_mut() {
-        if !(0.0..=limits::BRIGHTEST).contains(value) {
-            findings.count(at, "numbers of the environment that are negative, not finite or beyond any radiance, clamped");
-            // NaN is not larger than zero either.
-            *value = if *value > 0.0 { limits::BRIGHTEST } else { 0.0 };
-        }
     }
     let rgb: Vec<[f32; 3]> = picture.rgb.chunks_exact(width).rev().flatten().copied().collect();
     if rgb.as_flattened().iter().all(|v| *v == 0.0) {
@@ -68,6 +59,25 @@ fn finish(name: &str, mut picture: Picture, options: &ImportOptions, at: At<'_>,
         rgb,
         rotation: options.environment_rotation.to_radians(),
         intensity: options.environment_intensity.unwrap_or(1.0),
+    }
+}
+
+/// Makes radiance of what a picture has, and says what that took.
+pub(super) fn settle(picture: &mut Picture, at: At<'_>, findings: &mut Findings) {
+    if let Some(windows) = &picture.windows {
+        findings.warn(at, format!("the environment has {windows}: what is missing is black, what lies outside is cut off"));
+    }
+    clamp(&mut picture.rgb, at, findings);
+}
+
+/// Brings what is no radiance into [0, [`limits::BRIGHTEST`]], and counts it.
+pub(super) fn clamp(rgb: &mut [[f32; 3]], at: At<'_>, findings: &mut Findings) {
+    for value in rgb.as_flattened_mut() {
+        if !(0.0..=limits::BRIGHTEST).contains(value) {
+            findings.count(at, "numbers of the environment that are negative, not finite or beyond any radiance, clamped");
+            // NaN is not larger than zero either.
+            *value = if *value > 0.0 { limits::BRIGHTEST } else { 0.0 };
+        }
     }
 }
 

@@ -80,6 +80,10 @@ fn import(bundle: &Bundle, options: &ImportOptions, findings: &mut Findings) -> 
     let mut scene = import_file(bundle, main, options, findings)?;
     up::turn(&mut scene, options.up);
     if let Some(environment) = environment::import(bundle, options, findings) {
+        if let Some(own) = &scene.environment {
+            let message = format!("the scene's own environment `{}` gives way to the one that the options name", own.name);
+            findings.warn(At::file(main.as_str()), message);
+        }
         scene.environment = Some(environment);
     }
     if findings.has_errors() {

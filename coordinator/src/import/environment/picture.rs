@@ -14,7 +14,7 @@ const EXR: &[u8] = &[0x76, 0x2f, 0x31, 0x01];
 
 /// Why a picture was refused.
 #[derive(Debug, thiserror::Error)]
-pub(super) enum EnvironmentError {
+pub(in crate::import) enum EnvironmentError {
     /// Neither format.
     #[error("is neither a Radiance HDR nor an OpenEXR picture")]
     Unknown,
@@ -41,22 +41,28 @@ pub(super) enum EnvironmentError {
 }
 
 /// Pixels from the top row down, linear.
-pub(super) struct Picture {
+#[derive(Debug)]
+pub(in crate::import) struct Picture {
     /// Pixels around.
-    pub(super) width: usize,
+    pub(in crate::import) width: usize,
     /// Pixels from top to bottom.
-    pub(super) height: usize,
+    pub(in crate::import) height: usize,
     /// The pixels.
-    pub(super) rgb: Vec<[f32; 3]>,
+    pub(in crate::import) rgb: Vec<[f32; 3]>,
     /// Where pixels are given and where they are to be shown, in words, if that is not the same.
-    pub(super) windows: Option<String>,
+    pub(in crate::import) windows: Option<String>,
+}
+
+/// Whether a file is such a picture, by its content, and by its name where that says nothing.
+pub(in crate::import) fn is_map(name: &str, bytes: &[u8]) -> bool {
+    bytes.starts_with(EXR) || bytes.starts_with(b"#?") || matches!(extension(name).as_str(), "hdr" | "pic" | "rgbe")
 }
 
 /// Decodes a picture by its content, and by its name where that says nothing.
-pub(super) fn decode(name: &str, bytes: &[u8]) -> Result<Picture, EnvironmentError> {
+pub(in crate::import) fn decode(name: &str, bytes: &[u8]) -> Result<Picture, EnvironmentError> {
     if bytes.starts_with(EXR) {
         decode_exr(bytes)
-    } else if bytes.starts_with(b"#?") || matches!(extension(name).as_str(), "hdr" | "pic" | "rgbe") {
+    } else if is_map(name, bytes) {
         decode_hdr(bytes)
     } else {
         Err(EnvironmentError::Unknown)

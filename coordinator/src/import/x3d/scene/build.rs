@@ -2,6 +2,7 @@
 
 use super::{
     coordinates::Source,
+    environment,
     fit::Bounds,
     form::{Formed, form},
     inlined,
@@ -59,6 +60,7 @@ pub(in crate::import::x3d) fn build(
         }
     }
     let materials = looks.materials;
+    let environment = environment::environment(bundle, &world, options, findings);
     if findings.has_errors() {
         return None;
     }
@@ -67,6 +69,7 @@ pub(in crate::import::x3d) fn build(
         materials,
         textures: textures.images.textures,
         lights: lights.lights,
+        environment,
         projectors: std::mem::take(&mut projectors.list),
         cameras: cameras.into_iter().map(|(_, c)| c).collect(),
         rules: rules(options),
@@ -247,7 +250,7 @@ fn say_what_is_missing(world: &World<'_>, scene: &Scene, options: &ImportOptions
         }
     }
     let headlight = world.bindables.iter().find(|n| n.has("headlight")).is_none_or(|n| n.bool("headlight"));
-    let is_lit = options.environment.is_some() || scene.lights.iter().any(|l| !l.intensity.is_black());
+    let is_lit = options.environment.is_some() || scene.environment.is_some() || scene.lights.iter().any(|l| !l.intensity.is_black());
     let wants_light = scene.materials.iter().any(|m| m.reflection != Reflection::None);
     if headlight && !is_lit && wants_light {
         let message = if scene.has_light() {

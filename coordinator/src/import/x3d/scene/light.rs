@@ -32,18 +32,8 @@ pub(super) const LOCATION: u8 = 16;
 /// `GeneratedShadowMap.light` or `projector` (Kamburelis 4.4).
 pub(super) fn convert(placed: &Placed<'_>, name: String, shines: bool, units: LightUnits, findings: &mut Findings) -> Option<Light> {
     let node = placed.node;
-    let colour = Rgb::from(node.vec3("color"));
-    let (intensity, ambient) = (node.float("intensity"), node.float("ambientIntensity"));
+    let Emission { colour, intensity, ambient } = emission(node, findings)?;
     let shadow_intensity = node.float("shadowIntensity");
-    let fields = [("intensity", intensity), ("ambientIntensity", ambient)];
-    if let Some((field, value)) = fields.into_iter().find(|(_, v)| !(*v >= 0.0 && v.is_finite())) {
-        findings.error(node.at_field(field), format!("{} has the {field} {value}; it cannot be negative", node.kind()));
-        return None;
-    }
-    if !colour.is_finite() || colour.to_array().iter().any(|c| *c < 0.0) {
-        findings.error(node.at_field("color"), format!("{} has a negative color", node.kind()));
-        return None;
-    }
     if !(0.0..=1.0).contains(&shadow_intensity) {
         findings.warn(node.at_field("shadowIntensity"), format!("shadowIntensity {shadow_intensity} was brought into [0, 1]"));
     }
@@ -75,6 +65,29 @@ pub(super) fn convert(placed: &Placed<'_>, name: String, shines: bool, units: Li
         shadow_map: node.node("defaultShadowMap").and_then(|map| shadow_map(map, findings)),
         texture: None,
     })
+}
+
+/// What every light has.
+pub(super) struct Emission {
+    pub(super) colour: Rgb,
+    pub(super) intensity: f32,
+    pub(super) ambient: f32,
+}
+
+/// The fields that say how bright a light is; `None` where one is negative or no number, which is then an error.
+pub(super) fn emission(node: NodeRef<'_>, findings: &mut Findings) -> Option<Emission> {
+    let colour = Rgb::from(node.vec3("color"));
+    let (intensity, ambient) = (node.float("intensity"), node.float("ambientIntensity"));
+    let fields = [("intensity", intensity), ("ambientIntensity", ambient)];
+    if let Some((field, value)) = fields.into_iter().find(|(_, v)| !(*v >= 0.0 && v.is_finite())) {
+        findings.error(node.at_field(field), format!("{} has the {field} {value}; it cannot be negative", node.kind()));
+        return None;
+    }
+    if !colour.is_finite() || colour.to_array().iter().any(|c| *c < 0.0) {
+        findings.error(node.at_field("color"), format!("{} has a negative color", node.kind()));
+        return None;
+    }
+    Some(Emission { colour, intensity, ambient })
 }
 
 fn shape(placed: &Placed<'_>, findings: &mut Findings) -> Option<LightShape> {

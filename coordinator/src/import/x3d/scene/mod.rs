@@ -12,6 +12,7 @@
 mod build;
 mod colours;
 mod coordinates;
+mod environment;
 mod fit;
 mod form;
 mod inlined;

@@ -33,6 +33,8 @@ pub(super) struct Placed<'d> {
 pub(super) struct World<'d> {
     pub(super) shapes: Vec<Placed<'d>>,
     pub(super) lights: Vec<Placed<'d>>,
+    /// EnvironmentLight nodes.
+    pub(super) environments: Vec<Placed<'d>>,
     pub(super) viewpoints: Vec<Placed<'d>>,
     /// Files of other formats with their places.
     pub(super) files: Vec<(Placed<'d>, BundlePath)>,
@@ -102,7 +104,7 @@ impl<'d> Walk<'d, '_> {
         match node.kind() {
             "Shape" => world.shapes.push(placed()),
             "DirectionalLight" | "PointLight" | "SpotLight" => world.lights.push(placed()),
-            "EnvironmentLight" => self.findings.count(node.at(), "EnvironmentLight nodes were skipped: give an environment map instead"),
+            "EnvironmentLight" => world.environments.push(placed()),
             "Viewpoint" | "OrthoViewpoint" if world.viewpoints.len() >= MAX_VIEWPOINTS => {
                 self.findings.count(node.at(), "viewpoints beyond the first thousand were left out");
             }

@@ -1,4 +1,4 @@
-//! Appearance, materials, textures and shaders (ISO/IEC 19775-1: 12, 18, 31, 33; shadow fields: Kamburelis, "Shadow maps and projective
+//! Appearance, materials, textures and shaders (ISO/IEC 19775-1: 12, 18, 31, 33, 34; shadow fields: Kamburelis, "Shadow maps and projective
 //! texturing in X3D", Web3D 2010).
 
 /// See the head of `table`.
@@ -94,6 +94,19 @@ MultiTexture in texture : Texture
   MFString   [in,out] mode []
   MFString   [in,out] source []
   MFNode     [in,out] texture []
+abstract CubeMap : Texture
+  SFNode     [] textureProperties NULL
+ComposedCubeMapTexture in texture : CubeMap
+  SFNode     [in,out] backTexture|back NULL
+  SFNode     [in,out] bottomTexture|bottom NULL
+  SFNode     [in,out] frontTexture|front NULL
+  SFNode     [in,out] leftTexture|left NULL
+  SFNode     [in,out] rightTexture|right NULL
+  SFNode     [in,out] topTexture|top NULL
+ImageCubeMapTexture in texture : CubeMap Address
+GeneratedCubeMapTexture in texture : CubeMap
+  SFInt32    [] size 128
+  SFString   [in,out] update "NONE"
 GeneratedShadowMap in texture : Texture
   SFString   [in,out] update "NONE"
   SFInt32    [] size 128

@@ -37,7 +37,7 @@ SpotLight in children : Light
   SFFloat angle [in,out] projectionAngle 0
   SFFloat    [in,out] radius 100
 EnvironmentLight in children : Light
-  SFBool     [in,out] global TRUE
+  SFBool     [in,out] global FALSE
   MFFloat    [in,out] diffuseCoefficients []
   SFNode     [in,out] diffuseTexture NULL
   SFVec3f    [in,out] origin 0 0 0

@@ -71,9 +71,6 @@ FillProperties in fillProperties skipped : Node
 LineProperties in lineProperties skipped : Node
 PointProperties in pointProperties skipped : Node
 BlendMode in blendMode skipped : Node
-ImageCubeMapTexture in texture skipped : Node
-ComposedCubeMapTexture in texture skipped : Node
-GeneratedCubeMapTexture in texture skipped : Node
 ImageTexture3D in texture skipped : Node
 PixelTexture3D in texture skipped : Node
 ComposedTexture3D in texture skipped : Node

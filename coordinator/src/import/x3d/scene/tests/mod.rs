@@ -2,6 +2,7 @@
 
 mod alpha;
 mod bounds;
+mod environment;
 mod exporters;
 mod fields;
 mod inlined;
