@@ -97,6 +97,11 @@ mod tests {
     }
 
     #[test]
+    fn lengths_follow_the_mean_of_the_axes() {
+        assert_eq!(stretch(&DMat4::from_scale(DVec3::new(1.0, 2.0, 3.0))), 2.0);
+    }
+
+    #[test]
     fn flattening_keeps_a_unit_normal_and_overflow_is_told() {
         let mut mesh = cube();
         mesh.normals = Some(smooth(&mesh, &Smoothing::Flat));

@@ -7,8 +7,8 @@ use super::{
     space,
     walk::{Placed, World},
 };
-use crate::import::{Bundle, BundlePath, findings::Findings, import_file, name::Names, surfaces::Surfaces};
-use glam::DMat4;
+use crate::import::{Bundle, BundlePath, findings::Findings, import_file, mesh, name::Names, surfaces::Surfaces};
+use glam::{DMat3, DMat4};
 use kiln_proto::{
     limits,
     options::ImportOptions,
@@ -68,7 +68,7 @@ impl<'w, 'd> Files<'w, 'd> {
                 file: &self.scenes[*index],
                 first_material: first[*index],
                 placed,
-                inverse: placed.matrix.inverse().transpose(),
+                of_normals: mesh::for_normals(DMat3::from_mat4(placed.matrix)),
             };
             if let Err(e) = surfaces.absorb(&copy, reach, findings) {
                 return findings.error(placed.node.at(), e.to_string());
@@ -104,8 +104,8 @@ struct Instance<'a, 'd> {
     /// Index of the file's first material among those of the scene.
     first_material: u32,
     placed: &'a Placed<'d>,
-    /// The inverse transpose of its matrix, for normals.
-    inverse: DMat4,
+    /// What takes its normals there.
+    of_normals: DMat3,
 }
 
 impl Surfaces {
@@ -158,7 +158,7 @@ impl Surfaces {
             if let Some(normals) = front.normals.get(i) {
                 let moved = normals.map(|n| {
                     let n = file.normals[n as usize];
-                    space::narrow(copy.inverse.transform_vector3(space::wide(n)).normalize_or(space::wide(n)))
+                    space::narrow((copy.of_normals * space::wide(n)).normalize_or(space::wide(n)))
                 });
                 surface.normals.push(turn(mirrors, moved.map(|n| self.weld.normals.id(n))));
             }
@@ -187,6 +187,6 @@ fn place_light(light: &mut Light, matrix: &DMat4) {
         LightShape::Directional { direction } => *direction = along(*direction),
     }
     if let Falloff::InverseSquare { range: Some(range) } = &mut light.falloff {
-        *range *= space::stretch(matrix) as f32;
+        *range *= mesh::stretch(matrix) as f32;
     }
 }

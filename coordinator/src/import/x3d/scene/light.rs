@@ -4,10 +4,10 @@
 //! irradiance pi. `--light-units physical` takes the numbers as W/sr (W/m² for directional lights) with the inverse square instead.
 
 use super::{
-    space::{self, direction, point, stretch, upright, wide},
+    space::{self, direction, point, upright, wide},
     walk::Placed,
 };
-use crate::import::{findings::Findings, x3d::NodeRef};
+use crate::import::{findings::Findings, mesh::stretch, x3d::NodeRef};
 use glam::DVec3;
 use kiln_proto::{
     limits,

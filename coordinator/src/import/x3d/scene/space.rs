@@ -1,7 +1,7 @@
 //! Where nodes lie: the matrices of grouping nodes (ISO/IEC 19775-1: 10.4.4), and what a matrix does to points, directions and lengths.
 
 use crate::import::{mesh::axis_angle, x3d::NodeRef};
-use glam::{DMat3, DMat4, DVec3, DVec4, Vec3};
+use glam::{DMat3, DMat4, DVec3, Vec3};
 
 /// From the space of a node's children to that of the node; the identity for nodes that do not move what they hold.
 pub(super) fn local(node: NodeRef<'_>) -> DMat4 {
@@ -56,12 +56,6 @@ pub(super) fn direction(matrix: &DMat4, d: [f32; 3]) -> Option<DVec3> {
     matrix.transform_vector3(wide(d)).try_normalize()
 }
 
-/// By how much a matrix stretches lengths: the mean over its axes (the cube root of a volume would need a root that no table has).
-pub(super) fn stretch(matrix: &DMat4) -> f64 {
-    let axes = [matrix.x_axis, matrix.y_axis, matrix.z_axis];
-    axes.iter().map(|a: &DVec4| a.truncate().length()).sum::<f64>() / 3.0
-}
-
 /// A unit vector orthogonal to the unit vector `forward`, as near to `up` as can be; some one where `up` says nothing.
 pub(super) fn upright(forward: DVec3, up: DVec3) -> DVec3 {
     let candidates = [up, DVec3::Y, DVec3::Z];
@@ -81,8 +75,7 @@ mod tests {
     }
 
     #[test]
-    fn lengths_follow_the_mean_of_the_axes() {
-        assert_eq!(stretch(&DMat4::from_scale(DVec3::new(1.0, 2.0, 3.0))), 2.0);
+    fn a_flattened_direction_is_none() {
         assert!(direction(&DMat4::from_scale(DVec3::ZERO), [0.0, 0.0, 1.0]).is_none());
     }
 }

@@ -69,7 +69,6 @@ PROTO Outer [ field MFString u [ ] ] { T { url IS u } }";
     assert_eq!(first_texels(&import_files(&files, &ImportOptions::default()).unwrap().0), [[1, 2, 3]]);
 }
 
-/// Two addresses of one field are two pictures; the first that is there counts.
 #[test]
 fn a_missing_picture_is_told_once_however_many_shapes_share_it() {
     let texture = |name: &'static str| node("ImageTexture", [("url", Texts(&["gone.png"]))]).def(name);
