@@ -21,7 +21,7 @@ use kiln_coordinator::{
     },
     records::Problem,
 };
-use kiln_proto::{limits, options::UpAxis};
+use kiln_proto::limits;
 use std::{
     io::Write,
     path::{Path, PathBuf},
@@ -126,7 +126,7 @@ fn refuse_what_says_nothing(args: &ConvertArgs, target: Target) -> Result<(), Co
     if given.is_empty() || !matches!(target, Target::X3d(_)) {
         return Ok(());
     }
-    let message = "X3D is written with the lights, shadows and projectors that it has; leave these options to the bake";
+    let message = "X3D is written as its author has it; leave these options to the bake, or give the output the ending .glb or .gltf";
     Err(CommandError::usage(format!("{}: {message}", given.join(", "))))
 }
 
@@ -158,11 +158,6 @@ fn x3d(args: &ConvertArgs, scene: &Collected, encoding: X3dEncoding) -> Result<C
     if format::detect(main.as_str(), &bytes) != Format::X3d {
         let message = "this is not X3D, and X3D is written of X3D only; give the output the ending .glb or .gltf";
         return Err(CommandError::usage(format!("{}: {message}", args.input.display())));
-    }
-    if scene.options.up != UpAxis::default() {
-        let message =
-            "--up turns a scene, and X3D that becomes X3D is left as its author wrote it; give the output the ending .glb or .gltf";
-        return Err(CommandError::usage(message));
     }
     let mut rewritten =
         import::rewrite_x3d(&scene.bundle, scene.options.time, args.lower_shadows, encoding).map_err(|p| api::rejected(&p))?;

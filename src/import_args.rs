@@ -51,6 +51,7 @@ impl ImportArgs {
     /// The options given that say what a scene is to look like, and so nothing to a file that is written as its author has it.
     pub fn of_the_scene(&self) -> Vec<&'static str> {
         let given = [
+            ("--up", self.up.is_some()),
             ("--environment", self.environment.is_some()),
             ("--light-units", self.light_units.is_some()),
             ("--x3d-shadows", self.x3d_shadows.is_some()),

@@ -23,7 +23,10 @@ pub(super) const NONE: [f32; 4] = [0.0, 0.0, 0.0, 1.0];
 
 /// Gives tangents to the smooth surfaces that have a normal map and no tangents yet.
 pub(super) fn complete(scene: &mut Scene) {
-    let mut pool = Pool::of(std::mem::take(&mut scene.tangents));
+    // Backs have repeated values: indices change with them.
+    let mut pool = Pool::default();
+    let ids: Vec<u32> = std::mem::take(&mut scene.tangents).into_iter().map(|tangent| pool.id(tangent)).collect();
+    scene.surfaces.iter_mut().flat_map(|s| s.tangents.as_flattened_mut()).for_each(|index| *index = ids[*index as usize]);
     for index in 0..scene.surfaces.len() {
         let surface = &scene.surfaces[index];
         if surface.normals.is_empty() || !surface.tangents.is_empty() || !scene.materials_of(surface).any(|m| m.normal_map.is_some()) {
@@ -74,7 +77,9 @@ fn of_part(scene: &Scene, surface: &Surface, range: Range<usize>, map: &TextureR
     }
     let tangent = |i: usize, k: usize| match (sums[groups.of_corner(3 * i + k)].try_normalize(), along[i]) {
         (Some(sum), Some(along)) => sum.as_vec3().extend(along.side).to_array(),
-        _ => NONE,
+        // What is interpolated toward such a corner stays on its side.
+        (None, Some(along)) => Vec3::ZERO.extend(along.side).to_array(),
+        (_, None) => NONE,
     };
     (0..along.len()).map(|i| std::array::from_fn(|k| tangent(i, k))).collect()
 }

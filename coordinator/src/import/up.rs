@@ -3,19 +3,24 @@
 //! glTF and X3D say that +Y is up, OBJ says nothing, and authors keep to neither. An axis kept beside the scene would have to be minded by the view of
 //! the page, by pictures and by the environment, which stands upright about +Y; and none of them would fail where it was forgotten.
 
+use glam::{DMat3, Vec3};
 use kiln_proto::{
     options::UpAxis,
     scene::{LightShape, Scene},
 };
 
-/// Turns everything in a scene so that `up` becomes +Y. Exact: coordinates change places and signs. The environment is not part of it: it is upright
-/// as it is.
+/// Turns everything in a scene so that `up` becomes +Y. Exact: coordinates change places and signs. Not the environment: one that the options
+/// name is upright as it is, and one of the file has been turned by [`matrix`] when its map was made.
 pub(super) fn turn(scene: &mut Scene, up: UpAxis) {
     if up == UpAxis::Y {
         return;
     }
     let turn = |v: &mut [f32; 3]| *v = turned(*v, up);
     scene.positions.iter_mut().chain(&mut scene.normals).for_each(turn);
+    for tangent in &mut scene.tangents {
+        let [x, y, z] = turned([tangent[0], tangent[1], tangent[2]], up);
+        *tangent = [x, y, z, tangent[3]];
+    }
     for light in &mut scene.lights {
         match &mut light.shape {
             LightShape::Point { position } => turn(position),
@@ -34,6 +39,12 @@ pub(super) fn turn(scene: &mut Scene, up: UpAxis) {
     }
 }
 
+/// The same turn as a matrix.
+pub(super) fn matrix(up: UpAxis) -> DMat3 {
+    let column = |axis| Vec3::from(turned(axis, up)).as_dvec3();
+    DMat3::from_cols(column([1.0, 0.0, 0.0]), column([0.0, 1.0, 0.0]), column([0.0, 0.0, 1.0]))
+}
+
 /// The rotation that carries an axis to +Y: about Z from X, about X from Z.
 fn turned([x, y, z]: [f32; 3], up: UpAxis) -> [f32; 3] {
     // 0 - v has no sign at zero.
@@ -47,7 +58,6 @@ fn turned([x, y, z]: [f32; 3], up: UpAxis) -> [f32; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use glam::Vec3;
     use kiln_proto::{
         scene::{Camera, Lens, Light, Projector},
         units::Rgb,
@@ -78,6 +88,7 @@ mod tests {
         let before = Scene {
             positions: vec![p],
             normals: vec![d],
+            tangents: vec![[0.0, 0.8, 0.6, -1.0]],
             lights: vec![spot, sun, bulb],
             projectors: vec![Projector { name: "p".into(), light: None, matrix }],
             cameras: vec![Camera { name: "c".into(), eye: p, forward: d, up: [1.0, 0.0, 0.0], lens }],
@@ -88,6 +99,9 @@ mod tests {
             turn(&mut scene, up);
             let [tp, td, tx] = [p, d, [1.0, 0.0, 0.0]].map(|v| turned(v, up));
             assert_eq!((scene.positions[0], scene.normals[0]), (tp, td));
+            let [x, y, z] = turned([0.0, 0.8, 0.6], up);
+            assert_eq!(scene.tangents, [[x, y, z, -1.0]]);
+            assert_eq!((super::matrix(up) * Vec3::from(p).as_dvec3()).as_vec3().to_array(), tp);
             assert!(matches!(scene.lights[0].shape, LightShape::Spot { position, direction, .. } if (position, direction) == (tp, td)));
             assert_eq!((scene.lights[0].projection.up, scene.lights[0].projection.location), (tx, tp));
             assert_eq!(scene.lights[1].shape, LightShape::Directional { direction: td });

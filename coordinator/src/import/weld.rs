@@ -45,15 +45,6 @@ impl<const N: usize> Default for Pool<N> {
 }
 
 impl<const N: usize> Pool<N> {
-    /// A pool that has these values, each once.
-    pub(super) fn of(values: Vec<[f32; N]>) -> Self {
-        let mut pool = Self::default();
-        for value in values {
-            pool.id(value);
-        }
-        pool
-    }
-
     /// The index of a value.
     pub(super) fn id(&mut self, value: [f32; N]) -> u32 {
         // Adding zero turns -0.0 into 0.0: the same value has one name.

@@ -32,6 +32,7 @@ use kiln_proto::{
     format::stream::ReadError,
     plan::Plan,
     scene::{Environment, Scene},
+    units::Rgb,
 };
 use std::ops::Range;
 
@@ -115,6 +116,10 @@ impl Bands<'_> {
             if walks.iter().all(|walk| *walk == Walk::Done) {
                 break;
             }
+        }
+        // What lies behind the last layer that is followed is not seen, and no sky either.
+        for (pixel, _) in pixels.iter_mut().zip(&walks).filter(|(_, walk)| **walk != Walk::Done) {
+            (pixel.background, pixel.found) = (Rgb::BLACK, false);
         }
         let width = camera.size().width;
         let direction = |ray: u32| camera.direction(ray % width, rows.start + ray / width);

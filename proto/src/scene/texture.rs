@@ -37,15 +37,20 @@ impl Texture {
         if self.has_alpha { 4 } else { 3 }
     }
 
-    /// The least and the greatest linear value of a channel; what is interpolated lies between. Cost: linear in texels.
+    /// The least and the greatest linear value of a channel, 1 of an alpha that is not there; what is interpolated lies between. Cost: linear in
+    /// texels.
     #[must_use]
     pub fn range(&self, channel: usize) -> (f32, f32) {
-        let values = || self.texels.iter().skip(channel).step_by(self.channels());
+        if channel >= self.channels() {
+            return (1.0, 1.0);
+        }
+        let values = self.texels.iter().skip(channel).step_by(self.channels());
+        let (low, high) = values.fold((u8::MAX, 0), |(low, high), v| (low.min(*v), high.max(*v)));
         let linear = |byte: u8| {
             let coded = f32::from(byte) / 255.0;
             if self.coding == Coding::Srgb && channel < 3 { math::srgb_eotf(coded) } else { coded }
         };
-        (linear(values().copied().min().unwrap_or(0)), linear(values().copied().max().unwrap_or(u8::MAX)))
+        (linear(low), linear(high))
     }
 }
 

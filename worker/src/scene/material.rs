@@ -23,13 +23,20 @@ pub enum Polish {
 }
 
 impl Polish {
-    /// Of a material; a perfect mirror that is not made of facets is one everywhere. Cost: linear in the texels of a roughness texture.
-    pub(super) fn of(scene: &Scene, material: &Material) -> Self {
+    /// Of all materials. Cost: linear in the texels of roughness textures, each of which is read once.
+    pub(super) fn all(scene: &Scene) -> Vec<Self> {
+        let mut ranges = vec![None; scene.textures.len()];
+        let mut range = |texture: u32| *ranges[texture as usize].get_or_insert_with(|| scene.textures[texture as usize].range(1));
+        scene.materials.iter().map(|material| Self::of(material, &mut range)).collect()
+    }
+
+    /// A perfect mirror that is not made of facets is one everywhere. `range` tells what values the roughness of a texture has.
+    fn of(material: &Material, mut range: impl FnMut(u32) -> (f32, f32)) -> Self {
         let (low, high) = match &material.reflection {
             Reflection::Phong(Phong { lobe: Lobe::Mirror, specular, .. }) if specular.max_channel() > 0.0 => (0.0, 0.0),
             Reflection::MetallicRoughness(m) => {
                 let (low, high) = m.metallic_roughness_texture.map_or((1.0, 1.0), |t| {
-                    let (low, high) = scene.textures[t.texture as usize].range(1);
+                    let (low, high) = range(t.texture);
                     // Where a projector does not reach, the factor is alone.
                     if matches!(t.mapping, Mapping::Uv { .. }) { (low, high) } else { (low, 1.0) }
                 });

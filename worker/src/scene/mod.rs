@@ -70,7 +70,7 @@ impl BakeScene {
             prims.all[emitter.prim as usize].emitter = Some(index as u32);
         }
         let constant = scene.materials.iter().map(|m| material::constant(&scene, m)).collect();
-        let polish = scene.materials.iter().map(|m| Polish::of(&scene, m)).collect();
+        let polish = Polish::all(&scene);
         let (veils, reach) = (Veil::all(&scene, &prims), 2.0 * light::diameter(&scene));
         let Prims { all, first, normals } = prims;
         Ok(Self { scene, prims: all, first, normals, constant, polish, veils, accel, reach, lights, kernel: Kernel::select(simd) })

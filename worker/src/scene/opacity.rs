@@ -21,6 +21,20 @@ use smallvec::SmallVec;
 /// Partly transparent layers of one shadow ray that need no memory of their own. More are counted all the same, as paths meet them all.
 const LAYERS: usize = 16;
 
+/// Light of which less than this is left in every channel is none: layers without number must not cost without bound.
+const NOTHING: f32 = 1e-30;
+/// Layers after which, and after each doubling of which, it is asked whether anything is left.
+const MANY: usize = 1_024;
+
+/// What layers leave of light, each of which counts once. The product must not depend on the order in which the tree is walked, so that they are
+/// multiplied in the order of primitives.
+fn left(layers: &mut SmallVec<[(u32, Rgb); LAYERS]>) -> Rgb {
+    layers.sort_unstable_by_key(|(prim, _)| *prim);
+    layers.dedup_by_key(|(prim, _)| *prim);
+    let left = layers.iter().fold(Rgb::WHITE, |product, (_, through)| product * *through);
+    if left.max_channel() < NOTHING { Rgb::BLACK } else { left }
+}
+
 /// What a shadow ray can be blocked by.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Blockers {
@@ -128,21 +142,16 @@ impl BakeScene {
     }
 
     fn transmittance_veiled(&self, ray: &Ray, blockers: Blockers, rays: &mut RayCount) -> Rgb {
-        // The product must not depend on the order in which the tree is walked, so that layers are multiplied in the order of primitives.
         let mut layers: SmallVec<[(u32, Rgb); LAYERS]> = SmallVec::new();
         let blocked = self.accel.occluded_where(ray, rays, |hit| {
             let through = self.shadow(hit, ray.direction, blockers);
             if through != Rgb::WHITE {
                 layers.push((hit.prim, through));
             }
-            through.is_black()
+            // What is left falls with every layer, and the end is judged by the same measure.
+            through.is_black() || (layers.len() >= MANY && layers.len().is_power_of_two() && left(&mut layers).is_black())
         });
-        if blocked {
-            return Rgb::BLACK;
-        }
-        layers.sort_unstable_by_key(|(prim, _)| *prim);
-        layers.dedup_by_key(|(prim, _)| *prim);
-        layers.iter().fold(Rgb::WHITE, |product, (_, through)| product * *through)
+        if blocked { Rgb::BLACK } else { left(&mut layers) }
     }
 
     /// The share of a surface that is there at a point, [0, 1]: what its emission is worth to those who see it.

@@ -127,6 +127,9 @@ fn however_many_layers_there_are_all_count_for_shadow_rays_as_for_paths() {
         assert!((shadow / expected - 1.0).abs() < 1e-4, "{n} layers: {shadow} {expected}");
         assert!((path - expected).abs() < 4.5 * (expected * (1.0 - expected)).sqrt() / 64.0, "{n} layers: {path} {expected}");
     }
+    // Of what is next to nothing, nothing is left, and the ray need not meet the rest.
+    let scene = bake(panes(vec![blend(0.5); 3_000]));
+    assert_eq!(passed(&scene, Blockers::Everything), Rgb::BLACK);
     // Panes that reflect nothing: a path that gets through forty of them is rare, and counts for all that do not.
     let glass = || rough(MetallicRoughness { ior: 1.0, transmission: 1.0, ..appendix_b([0.99; 3], 0.0, 0.0) });
     let scene = bake(panes((0..40).map(|_| glass()).collect()));

@@ -94,6 +94,11 @@ fn however_many_layers_there_are_each_is_seen() {
     let found = pixel(&scene, AT, 1.0);
     assert!((found.background.r / kiln_proto::math::pow(0.875, 40.0) - 1.0).abs() < 1e-4, "{found:?}");
     assert!(found.found && found.chart == 1);
+    // Behind the last that is followed there is no sky.
+    let mut scene = sheets(1_030);
+    scene.materials.iter_mut().for_each(|m| m.opacity = opacity(AlphaMode::Blend, 1.0 / 1_024.0));
+    let found = pixel(&scene, AT, 1.0);
+    assert!(!found.found && found.background == Rgb::BLACK, "{found:?}");
     // What is behind sixteen of them, the last of one go, and what ends there.
     for count in [16, 17, 32] {
         let mut scene = sheets(count);

@@ -37,6 +37,21 @@ fn tangents_turn_and_stretch_with_their_node_and_mirrors_change_their_side() {
     assert_eq!(back, [a, c, b].map(|[x, y, z, side]| [x, y, z, -side]), "the back is the front turned over");
 }
 
+/// The backs of two fronts that mirror each other have tangents that are there already.
+#[test]
+fn backs_and_their_opposites_share_tangents() {
+    let mut sample = mapped(&[1.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 1.0]);
+    sample.json["materials"][0]["doubleSided"] = json!(true);
+    let opposite = sample.floats("VEC4", &[1.0, 0.0, 0.0, -1.0, 1.0, 0.0, 0.0, -1.0, 1.0, 0.0, 0.0, -1.0]);
+    let mut second = sample.json["meshes"][0].clone();
+    second["primitives"][0]["attributes"]["TANGENT"] = json!(opposite);
+    sample.push("meshes", second);
+    sample.show(json!({ "mesh": 1, "translation": [5, 0, 0] }));
+    let scene = sample.scene();
+    let sides = |surface| tangents(&scene, surface)[0].map(|[x, y, z, side]| ([x, y, z], side));
+    assert_eq!([0, 1, 2, 3].map(sides), [1.0, -1.0, -1.0, 1.0].map(|side| [([1.0, 0.0, 0.0], side); 3]));
+}
+
 #[test]
 fn tangents_are_morphed_and_bent() {
     let mut sample = mapped(&GIVEN);

@@ -22,13 +22,14 @@ use crate::import::{
     Bundle,
     environment::clamp,
     findings::{At, Findings},
+    up,
     x3d::NodeRef,
 };
 use glam::{DMat3, DVec3};
 use harmonics::Harmonics;
 use kiln_proto::{
     limits, math,
-    options::{ImportOptions, ShadowMode},
+    options::{ImportOptions, ShadowMode, UpAxis},
     scene::Environment,
     units::Rgb,
 };
@@ -50,7 +51,7 @@ pub(super) fn environment(bundle: &Bundle, world: &World<'_>, options: &ImportOp
     let mut sum: Option<Environment> = None;
     for placed in shining() {
         say_what_is_not_used(placed, world, options, findings);
-        let Some(own) = convert(bundle, placed, findings) else { continue };
+        let Some(own) = convert(bundle, placed, options.up, findings) else { continue };
         sum = Some(match sum {
             None => own,
             Some(sum) => add(sum, own, placed.node.at(), findings),
@@ -59,11 +60,11 @@ pub(super) fn environment(bundle: &Bundle, world: &World<'_>, options: &ImportOp
     sum
 }
 
-/// The map of one light, in the world.
-fn convert(bundle: &Bundle, placed: &Placed<'_>, findings: &mut Findings) -> Option<Environment> {
+/// The map of one light, in the world as it is once that axis points up.
+fn convert(bundle: &Bundle, placed: &Placed<'_>, axis: UpAxis, findings: &mut Findings) -> Option<Environment> {
     let node = placed.node;
     let Emission { colour, intensity, ambient } = emission(node, findings)?;
-    let turn = turn(placed, findings)?;
+    let turn = up::matrix(axis) * turn(placed, findings)?;
     let source = source(bundle, node, findings)?;
     let name = node.def().unwrap_or(node.kind()).chars().take(limits::NAME_BYTES / 8).collect();
     let mut map = match (source, about_up(turn)) {

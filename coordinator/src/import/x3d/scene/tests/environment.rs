@@ -8,7 +8,7 @@ use base64::{Engine, prelude::BASE64_STANDARD};
 use image::{DynamicImage, ImageFormat, RgbImage};
 use kiln_proto::{
     math,
-    options::{LightUnits, ShadowMode},
+    options::{LightUnits, ShadowMode, UpAxis},
     scene::Environment,
 };
 use std::{
@@ -146,6 +146,11 @@ fn rotation_and_that_of_groups_turn_the_light() {
     // First the light's own turn, then the group's: up, then about the up axis, which keeps it.
     let both = turned("0 1 0 1.5707963267948966", "1 0 0 1.5707963267948966");
     assert!(is(seen(&both, [0.0, 1.0, 0.0]), RED) && is(seen(&both, [0.0, 0.0, -1.0]), [0.0, 1.0, 1.0]), "right goes to -Z");
+    let z_up = ImportOptions { up: UpAxis::Z, ..ImportOptions::default() };
+    for (name, text) in files(&[under(cube()), shape(vec![])]) {
+        let map = import(name, &text, &z_up).unwrap().0.environment.unwrap();
+        assert!(is(seen(&map, [0.0, 1.0, 0.0]), [0.0, 1.0, 0.0]), "what was at +Z is above in {name}");
+    }
     let inner = Children(vec![under(cube())]);
     let mirrored = environment(node("Transform", [("scale", One("-1 1 1")), ("children", inner.clone())]));
     assert!(is(seen(&mirrored, [-1.0, 0.0, 0.0]), [0.0, 1.0, 1.0]) && is(seen(&mirrored, [0.0, 0.0, -1.0]), RED));
