@@ -10,7 +10,7 @@ use std::{
     io::{BufRead, BufReader, Read},
     path::{Path, PathBuf},
     process::{Command, Stdio},
-    sync::mpsc::{Receiver, channel},
+    sync::mpsc::{Receiver, RecvTimeoutError, channel},
     thread::JoinHandle,
     time::Instant,
 };
@@ -68,12 +68,16 @@ impl Script {
         }
     }
 
-    /// Waits for its end, which must be a good one; everything that it said and nobody has waited for.
+    /// Waits for its end, which must be a good one; everything that it said and nobody has waited for. A script that draws many pictures on a busy
+    /// machine takes long and says something now and then: patience is lost with one that is silent.
     pub(crate) fn finish(mut self) -> Vec<Value> {
-        let start = Instant::now();
         let mut said = vec![];
-        while let Ok(line) = self.lines.recv_timeout(PATIENCE.saturating_sub(start.elapsed())) {
-            said.push(serde_json::from_str(&line).unwrap_or_else(|_| panic!("the script said: {line}")));
+        loop {
+            match self.lines.recv_timeout(PATIENCE) {
+                Ok(line) => said.push(serde_json::from_str(&line).unwrap_or_else(|_| panic!("the script said: {line}"))),
+                Err(RecvTimeoutError::Disconnected) => break,
+                Err(RecvTimeoutError::Timeout) => panic!("the script was silent for {PATIENCE:?} after {said:?}: {}", self.stop()),
+            }
         }
         let status = self.process.wait();
         assert!(status.success(), "{}", self.stop());
