@@ -16,7 +16,7 @@ void main() {
 	vec2 at = vec2( 0.5 + lfTurns + atan( d.z, d.x ) / ( 2.0 * LF_PI ), 0.5 + atan( d.y, length( d.xz ) ) / LF_PI );
 	vec3 radiance = textureLod( lfEnvironment, at, 0.0 ).rgb;
 	// No chart lies there.
-	if ( lfOutput == 1 ) { outColor = vec4( radiance, 0.0 ); return; }
-	vec3 shown = radiance * lfExposure;
+	if ( lfOutput == 1 ) { outColor = vec4( min( radiance, LF_BRIGHTEST ), 0.0 ); return; }
+	vec3 shown = min( radiance * lfExposure, LF_BRIGHTEST );
 	outColor = vec4( lfOutput == 0 ? lfCoded( shown ) : shown, 1.0 );
 }
