@@ -10,6 +10,9 @@ uniform int lfThetaFastest;  // 1 where the walk along directions visits inclina
 float lfCover = 0.0;
 
 const float LF_PI = 3.14159265358979;
+// Light is cut here as it is written: half floats end at 65,504, and infinity under what covers all is no number. The environment and three panes of
+// glass that are as bright themselves add up to less.
+const float LF_BRIGHTEST = 16000.0;
 
 float lfLinear( float s ) { return s <= 0.04045 ? s / 12.92 : pow( ( s + 0.055 ) / 1.055, 2.4 ); }
 vec3 lfLinear( vec3 s ) { return vec3( lfLinear( s.r ), lfLinear( s.g ), lfLinear( s.b ) ); }

@@ -44,7 +44,7 @@ float lfGridLines( vec2 g ) {
 	return max( line.x, line.y ) * ( 1.0 - smoothstep( 0.12, 0.35, max( width.x, width.y ) ) );
 }
 
-// As it is displayed, in linear light: what is too bright for a display is cut when all that is seen has been added up.
+// As it is displayed, in linear light: what is too bright for a display, if not for half floats, is cut when all that is seen has been added up.
 vec3 lfShade( vec3 radiance ) {
 	vec3 light = radiance * lfExposure;
 	if ( lfTexelGrid <= 0.0 ) return light;
@@ -75,6 +75,7 @@ void main() {
 	// Where only part of the footprint is baked, its light is extended; where none is, the draft stands in.
 	if ( lfCover <= 0.0 && lfOutput != 1 ) radiance = lfDraft( vPosition, n, int( vPart ) );
 	if ( lfOutput != 1 ) radiance = lfShade( radiance );
+	radiance = min( radiance, LF_BRIGHTEST );
 	if ( lfOutput == 0 ) radiance = lfCoded( radiance );
 	outColor = vec4( radiance * opacity, alpha );
 }

@@ -72,7 +72,8 @@ fn compare(expected: &[Expected], page: &[[f32; 4]], allowed: f32, is_edge: impl
         let shown = &page[(SIZE.1 as usize - 1 - y) * SIZE.0 as usize + x];
         if is_edge(pixel, shown) {
             difference.edges += 1;
-        } else if shown[3] > 0.0 {
+        } else if shown[3] > 0.0 || !pixel.charts.contains(&0) {
+            // Where the reference sees surfaces and the page nothing opaque, its light tells glass before nothing from a surface that is not drawn.
             let outside =
                 |(v, span): (&f32, &Option<(f32, f32)>)| span.map_or(0.0, |(low, high)| (low - level(*v)).max(level(*v) - high).max(0.0));
             difference.add(shown.iter().zip(&pixel.span).map(outside), allowed);
@@ -90,4 +91,34 @@ pub(super) fn level(linear: f32) -> f32 {
 pub(super) fn floats(path: &Path) -> Vec<[f32; 4]> {
     let bytes = fs::read(path).unwrap();
     bytes.as_chunks::<16>().0.iter().map(|p| std::array::from_fn(|c| f32::from_le_bytes(p.as_chunks::<4>().0[c]))).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const PIXELS: usize = (SIZE.0 * SIZE.1) as usize;
+
+    fn everywhere(chart: u32, levels: f32) -> Vec<Expected> {
+        let mut pixel = Expected::default();
+        pixel.add(chart, [levels; 3]);
+        vec![pixel; PIXELS]
+    }
+
+    #[test]
+    fn a_page_that_draws_nothing_is_off_where_the_reference_sees_a_surface() {
+        let nothing = vec![[0.0; 4]; PIXELS];
+        let missing = compare_through(&everywhere(3, 120.0), &nothing, 6.0, 1.0);
+        assert_eq!((missing.off, missing.compared, missing.edges), (PIXELS, PIXELS, 0));
+        let empty = compare_through(&everywhere(0, 0.0), &nothing, 6.0, 1.0);
+        assert_eq!((empty.off, empty.compared), (0, 0), "both see nothing");
+    }
+
+    #[test]
+    fn glass_before_nothing_is_compared_by_its_light() {
+        // The page's chart is that of what is opaque: none.
+        let glass = vec![[0.2, 0.2, 0.2, 0.0]; PIXELS];
+        let found = compare_through(&everywhere(3, level(0.2)), &glass, 6.0, 1.0);
+        assert_eq!((found.off, found.compared), (0, PIXELS));
+    }
 }

@@ -20,9 +20,10 @@ export class Background extends Mesh<BufferGeometry, RawShaderMaterial> {
   readonly bytes: number;
   private readonly picture: DataTexture;
 
+  /** The exposure of the draft, 2^stops where they are known, is that of its whole life. */
   constructor(environment: Environment, shared: SharedUniforms) {
-    const picture = pictureOf(environment);
-    const { lfOutput, lfExposure, lfDraftExposure } = shared;
+    const picture = pictureOf(environment, shared.lfDraftExposure.value);
+    const { lfOutput, lfExposure } = shared;
     const geometry = new BufferGeometry();
     geometry.setAttribute('position', new BufferAttribute(new Float32Array([-1, -1, 0, 3, -1, 0, -1, 3, 0]), 3));
     const material = new RawShaderMaterial({
@@ -30,7 +31,7 @@ export class Background extends Mesh<BufferGeometry, RawShaderMaterial> {
       glslVersion: GLSL3,
       vertexShader: environmentProgram.vertex,
       fragmentShader: environmentProgram.fragment,
-      uniforms: { lfEnvironment: { value: picture }, lfTurns: { value: turnsOf(environment.rotation) }, lfOutput, lfExposure, lfDraftExposure },
+      uniforms: { lfEnvironment: { value: picture }, lfTurns: { value: turnsOf(environment.rotation) }, lfOutput, lfExposure },
       depthTest: false,
       depthWrite: false,
       blending: NoBlending,
@@ -58,9 +59,13 @@ function turnsOf(rotation: number): number {
   return turns - Math.floor(turns);
 }
 
-function pictureOf({ width, height, texels }: Environment): DataTexture {
+/**
+ * Radiance times `exposure` in half floats. A sky in cd/m² is beyond them and moonlight below: what is cut must be too bright for the view, not for the
+ * format.
+ */
+function pictureOf({ width, height, texels }: Environment, exposure: number): DataTexture {
   const rgba = new Float32Array(width * height * 4).fill(1);
-  for (let t = 0; t < width * height; t++) rgba.set(texels.subarray(t * 3, t * 3 + 3), t * 4);
+  for (let t = 0; t < width * height; t++) for (let c = 0; c < 3; c++) rgba[t * 4 + c] = texels[t * 3 + c] * exposure;
   const picture = new DataTexture(toHalf(rgba) as Uint16Array<ArrayBuffer>, width, height, RGBAFormat, HalfFloatType);
   picture.wrapS = RepeatWrapping;
   picture.wrapT = ClampToEdgeWrapping;

@@ -72,7 +72,7 @@ export function sampleTexel(field: LightField, surface: FieldSurface, { triangle
     radiance: Float32Array.from(coded, (byte) => EOTF[byte] * factor),
     keptSamples: found.kept.starts[found.row + 1] - found.kept.starts[found.row],
     view: { theta: degrees(Math.atan2(Math.hypot(w[0], w[1]), w[2])), phi: (degrees(Math.atan2(w[1], w[0])) + 360) % 360 },
-    covered: isCovered(surface.plan, x, y),
+    covered: isCovered(surface, x, y),
   };
 }
 
