@@ -204,7 +204,7 @@ impl Resolver<'_> {
                 None
             }
             Written::Nodes(nodes) if argument.ty.base == Base::Node => {
-                let mut ids = self.items(frame, nodes, above + 1);
+                let mut ids = self.items(frame, nodes, None, above + 1);
                 if !argument.ty.many && ids.len() > 1 {
                     self.warn(field.place, format!("{what} holds one node and was given {}; the last counts", ids.len()));
                     ids.drain(..ids.len() - 1);
