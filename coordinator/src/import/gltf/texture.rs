@@ -37,7 +37,7 @@ pub(super) struct Textures<'a, 'd> {
     samplers: Vec<Json<'d>>,
     used: BTreeSet<usize>,
     /// The decoded images.
-    pub(super) images: Images,
+    pub(super) images: &'a mut Images,
 }
 
 /// A texture as a material uses it, and whether it has transparent pixels.
@@ -49,7 +49,14 @@ pub(super) struct Use {
 
 impl<'a, 'd> Textures<'a, 'd> {
     /// Nothing is decoded until a material asks.
-    pub(super) fn new(bundle: &'a Bundle, file: &'a BundlePath, buffers: &'a Buffers<'a>, root: Json<'d>, report: &mut Report<'_>) -> Self {
+    pub(super) fn new(
+        bundle: &'a Bundle,
+        file: &'a BundlePath,
+        buffers: &'a Buffers<'a>,
+        root: Json<'d>,
+        images: &'a mut Images,
+        report: &mut Report<'_>,
+    ) -> Self {
         Self {
             bundle,
             file,
@@ -58,7 +65,7 @@ impl<'a, 'd> Textures<'a, 'd> {
             sources: report.objects(root, "images"),
             samplers: report.objects(root, "samplers"),
             used: BTreeSet::new(),
-            images: Images::default(),
+            images,
         }
     }
 
