@@ -22,6 +22,70 @@ fn the_same_data_are_looked_at_once_whoever_names_them() {
     assert!(errors[0].contains("/accessors/") && errors[0].contains("name 16 times as many numbers"), "{errors:?}");
 }
 
+impl Sample {
+    /// Replacements of floats, from these indices of 16 bits.
+    fn replacements(&mut self, indices: &[u16], values: &[f32]) -> Value {
+        let places = self.view(&indices.iter().flat_map(|i| i.to_le_bytes()).collect::<Vec<u8>>());
+        let values = self.view(&values.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>());
+        json!({ "count": indices.len(), "indices": { "bufferView": places, "componentType": 5123 }, "values": { "bufferView": values } })
+    }
+}
+
+/// As face rigs are written: each target moves a few vertices of many, from nothing or from zeros that all share.
+#[test]
+fn what_replacements_leave_at_zero_costs_nothing() {
+    for has_zeros in [false, true] {
+        let mut sample = Sample::triangle();
+        let positions: Vec<f32> = (0..15_000).map(|i| [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0].get(i).copied().unwrap_or(0.0)).collect();
+        let positions = sample.floats("VEC3", &positions);
+        let indices = sample.accessor(5121, "SCALAR", &[0, 1, 2, 0], 3);
+        let zeros = sample.view(&[0; 60_000]);
+        let mut target = |i: u16| {
+            let sparse = sample.replacements(&[1, 2 + i, 4_000], &[f32::from(i), 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]);
+            let mut accessor = json!({ "componentType": 5126, "type": "VEC3", "count": 5_000, "sparse": sparse });
+            (accessor["min"], accessor["max"]) = (json!([0, 0, 0]), json!([i, 1, 1]));
+            if has_zeros {
+                accessor["bufferView"] = json!(zeros);
+            }
+            json!({ "POSITION": sample.push("accessors", accessor) })
+        };
+        let targets: Vec<Value> = (0..300).map(&mut target).collect();
+        let primitive = &mut sample.json["meshes"][0]["primitives"][0];
+        (primitive["attributes"]["POSITION"], primitive["indices"], primitive["targets"]) =
+            (json!(positions), json!(indices), json!(targets));
+        sample.json["meshes"][0]["weights"] = json!((0..300).map(|i| u32::from(i == 7)).collect::<Vec<u32>>());
+        let found = sample.import();
+        assert_eq!(found.errors, [""; 0]);
+        assert!(!found.warns("is not that of the data"), "{:?}", found.warnings);
+        assert_eq!(corners(&found.scene(), 0, 0), [[0.0, 0.0, 0.0], [8.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
+    }
+}
+
+/// Zeros that are not looked at one by one count all the same.
+#[test]
+fn zeros_between_replacements_stand_in_bounds_and_orders() {
+    let stated = |count: u64, indices: &[u16], values: &[f32]| {
+        let mut sample = Sample::triangle();
+        let sparse = sample.replacements(indices, values);
+        let times = json!({ "componentType": 5126, "type": "SCALAR", "count": count, "sparse": sparse, "min": [0], "max": [values[0]] });
+        let times = sample.push("accessors", times);
+        let still = sample.push("accessors", json!({ "componentType": 5126, "type": "VEC3", "count": count }));
+        sample.push("animations", json!({ "samplers": [{ "input": times, "output": still }], "channels": [] }));
+        let found = sample.import();
+        (found.errors.concat(), found.warnings.concat())
+    };
+    for (count, indices, values, time) in
+        [(9, &[1u16][..], &[1.0f32][..], 2), (9, &[3], &[1.0], 1), (9, &[0, 1], &[1.0, 2.0], 2), (3, &[1, 2], &[1.0, 0.0], 2)]
+    {
+        let (errors, _) = stated(count, indices, values);
+        assert!(errors.contains(&format!("time {time} is 0; times must be 0 or more and rise")), "{indices:?}: {errors}");
+    }
+    let (errors, warnings) = stated(2, &[1], &[5.0]);
+    assert!(errors.is_empty() && !warnings.contains("is not that of the data"), "{errors} {warnings}");
+    let (_, warnings) = stated(2, &[0, 1], &[1.0, 2.0]);
+    assert!(warnings.contains("the min 0 is not that of the data, 1"), "{warnings}");
+}
+
 #[test]
 fn key_frames_that_do_not_rise_are_found_once_for_all_samplers() {
     let mut sample = Sample::triangle();
