@@ -1,6 +1,6 @@
 //! Small files that ask for much: what they cost is known before it is spent.
 
-use super::*;
+use super::{super::json::VISITED, *};
 
 /// Accessors of single bytes in a view of zeros.
 fn lists(bytes: usize, number: usize, layout: impl Fn(usize) -> (usize, usize)) -> Sample {
@@ -179,4 +179,82 @@ fn what_is_said_often_is_said_once_and_what_is_not_said_is_counted() {
     sample.json["extensionsUsed"] = json!((0..150).map(|i| format!("EXT_{i}")).collect::<Vec<_>>());
     let found = sample.import();
     assert!(found.warns("/extensionsUsed/99") && !found.warns("/extensionsUsed/100") && found.warns("50 further warnings"));
+}
+
+/// A sample in which a thousand things refer to the same ones, each of which has a thousand members that mean nothing.
+fn shared_by_many() -> Sample {
+    let many = 1_000;
+    let mut sample = Sample::textured(json!({ "pbrMetallicRoughness": { "baseColorTexture": { "index": 0 } } }));
+    let primitive = sample.json["meshes"][0]["primitives"][0].clone();
+    sample.push("meshes", json!({ "primitives": vec![primitive; 2] }));
+    let steps: Vec<f32> = (0..many).flat_map(|i| [i as f32, 0.0, 0.0]).collect();
+    let translations = sample.floats("VEC3", &steps);
+    sample.json["nodes"][0] =
+        json!({ "mesh": 1, "extensions": { "EXT_mesh_gpu_instancing": { "attributes": { "TRANSLATION": translations } } } });
+    sample.push("samplers", json!({}));
+    sample.json["textures"] = json!(vec![json!({ "source": 0, "sampler": 0 }); many]);
+    let slot = |i: usize| json!({ "pbrMetallicRoughness": { "baseColorTexture": { "index": i } }, "emissiveTexture": { "index": 0 }, "emissiveFactor": [1, 1, 1] });
+    let materials = (0..many).map(slot);
+    sample.json["materials"].as_array_mut().unwrap().extend(materials);
+    let mut users = vec![sample.json["meshes"][0]["primitives"][0].clone(); many];
+    users.iter_mut().enumerate().for_each(|(i, user)| user["material"] = json!(i + 1));
+    sample.json["meshes"][0]["primitives"] = json!(users);
+    sample.push("cameras", json!({ "type": "orthographic", "orthographic": { "ymag": 1 } }));
+    sample.json["extensions"] = json!({ "KHR_lights_punctual": { "lights": [{ "type": "point" }] } });
+    sample.show(json!({ "mesh": 0, "translation": [0, 0, 1] }));
+    for i in 0..many {
+        sample
+            .show(json!({ "mesh": 2, "camera": 0, "translation": [0, 0, i + 2], "extensions": { "KHR_lights_punctual": { "light": 0 } } }));
+    }
+    sample.push("meshes", json!({ "primitives": [{ "attributes": { "POSITION": 0 } }] }));
+    for pointer in [
+        "/accessors/0",
+        "/materials/0",
+        "/textures/0",
+        "/images/0",
+        "/samplers/0",
+        "/meshes/2",
+        "/cameras/0",
+        "/extensions/KHR_lights_punctual/lights/0",
+    ] {
+        let object = sample.json.pointer_mut(pointer).and_then(Value::as_object_mut).unwrap();
+        object.extend((0..1_000).map(|i| (format!("{i}"), json!(0))));
+    }
+    sample
+}
+
+/// Names, bounds, images and samplers: the work is that of the file, not that of each who refers to a part of it with all the members there.
+#[test]
+fn what_many_refer_to_is_asked_once() {
+    let sample = shared_by_many();
+    VISITED.set(0);
+    let found = sample.import();
+    assert_eq!(found.errors, [""; 0]);
+    let visited = VISITED.get();
+    assert!(visited < 2_000_000, "{visited}");
+}
+
+#[test]
+fn images_of_one_view_are_one_and_views_may_not_overlap_without_end() {
+    let mut sample = Sample::textured(
+        json!({ "pbrMetallicRoughness": { "baseColorTexture": { "index": 0 } }, "emissiveTexture": { "index": 1 }, "emissiveFactor": [1, 1, 1] }),
+    );
+    let view = sample.view(&[image(), vec![0; 100]].concat());
+    sample.json["images"] = json!(vec![json!({ "bufferView": view, "mimeType": "image/png" }); 2]);
+    sample.push("textures", json!({ "source": 1 }));
+    let found = sample.import();
+    assert_eq!((found.errors.len(), found.scene().textures.len()), (0, 1));
+    for i in 0..12usize {
+        let mut other = sample.json["bufferViews"][view].clone();
+        other["byteLength"] = json!(other["byteLength"].as_u64().unwrap() - 1 - i as u64);
+        let other = sample.push("bufferViews", other);
+        let source = sample.push("images", json!({ "bufferView": other, "mimeType": "image/png" }));
+        let texture = sample.push("textures", json!({ "source": source }));
+        let material = sample.push("materials", json!({ "pbrMetallicRoughness": { "baseColorTexture": { "index": texture } } }));
+        let mut primitive = sample.json["meshes"][0]["primitives"][0].clone();
+        primitive["material"] = json!(material);
+        sample.json["meshes"][0]["primitives"].as_array_mut().unwrap().push(primitive);
+    }
+    let errors = sample.import().errors;
+    assert!(errors[0].contains("/images/") && errors[0].contains("more than 4 times the bytes of all buffers"), "{errors:?}");
 }
