@@ -28,8 +28,8 @@ use std::{
 /// Extensions that bring an image of their own beside the texture's `source`.
 const OTHER_IMAGES: [&str; 4] = ["EXT_texture_avif", "EXT_texture_webp", "KHR_texture_basisu", "MSFT_texture_dds"];
 
-/// Times that the bytes of the buffers are looked at for images that materials use, and for those that nothing uses; views of one buffer may
-/// overlap.
+/// Times that the bytes of the buffers are looked at for images that materials use, and as often for those that nothing uses: views of one
+/// buffer may overlap.
 const LOOKS: u64 = 4;
 
 /// The textures of a file.

@@ -52,8 +52,8 @@ pub(super) fn build(file: &str, stem: &str, shaded: &Shaded, materials: &mut Mat
     surfaces.finish(scene);
 }
 
-/// What a surface is called. Of a long name of an object the end is kept, from a word on: CAD programs list the assemblies around a part before
-/// it, and the beginning is what all parts share.
+/// What a surface is called. Of a long name of an object the end is kept, from a word on: CAD programs list the assemblies around a part
+/// before it, and the beginning is what all parts share.
 fn called(object: &str, material: Option<&str>) -> String {
     let ending: String = material.into_iter().flat_map(|name| ['.'].into_iter().chain(name.chars())).take(NAME_CHARS / 2).collect();
     let room = NAME_CHARS - ending.chars().count();

@@ -193,8 +193,10 @@ fn shared_by_many() -> Sample {
         json!({ "mesh": 1, "extensions": { "EXT_mesh_gpu_instancing": { "attributes": { "TRANSLATION": translations } } } });
     sample.push("samplers", json!({}));
     sample.json["textures"] = json!(vec![json!({ "source": 0, "sampler": 0 }); many]);
-    let slot = |i: usize| json!({ "pbrMetallicRoughness": { "baseColorTexture": { "index": i } }, "emissiveTexture": { "index": 0 }, "emissiveFactor": [1, 1, 1] });
-    let materials = (0..many).map(slot);
+    let materials = (0..many).map(|i| {
+        let base = json!({ "baseColorTexture": { "index": i } });
+        json!({ "pbrMetallicRoughness": base, "emissiveTexture": { "index": 0 }, "emissiveFactor": [1, 1, 1] })
+    });
     sample.json["materials"].as_array_mut().unwrap().extend(materials);
     let mut users = vec![sample.json["meshes"][0]["primitives"][0].clone(); many];
     users.iter_mut().enumerate().for_each(|(i, user)| user["material"] = json!(i + 1));
@@ -203,8 +205,8 @@ fn shared_by_many() -> Sample {
     sample.json["extensions"] = json!({ "KHR_lights_punctual": { "lights": [{ "type": "point" }] } });
     sample.show(json!({ "mesh": 0, "translation": [0, 0, 1] }));
     for i in 0..many {
-        sample
-            .show(json!({ "mesh": 2, "camera": 0, "translation": [0, 0, i + 2], "extensions": { "KHR_lights_punctual": { "light": 0 } } }));
+        let light = json!({ "KHR_lights_punctual": { "light": 0 } });
+        sample.show(json!({ "mesh": 2, "camera": 0, "translation": [0, 0, i + 2], "extensions": light }));
     }
     sample.push("meshes", json!({ "primitives": [{ "attributes": { "POSITION": 0 } }] }));
     for pointer in [
@@ -223,7 +225,7 @@ fn shared_by_many() -> Sample {
     sample
 }
 
-/// Names, bounds, images and samplers: the work is that of the file, not that of each who refers to a part of it with all the members there.
+/// Names, bounds, images and samplers: reading them takes what the file has, not all members of a thing for each who refers to it.
 #[test]
 fn what_many_refer_to_is_asked_once() {
     let sample = shared_by_many();
@@ -236,9 +238,9 @@ fn what_many_refer_to_is_asked_once() {
 
 #[test]
 fn images_of_one_view_are_one_and_views_may_not_overlap_without_end() {
-    let mut sample = Sample::textured(
-        json!({ "pbrMetallicRoughness": { "baseColorTexture": { "index": 0 } }, "emissiveTexture": { "index": 1 }, "emissiveFactor": [1, 1, 1] }),
-    );
+    let base = json!({ "baseColorTexture": { "index": 0 } });
+    let material = json!({ "pbrMetallicRoughness": base, "emissiveTexture": { "index": 1 }, "emissiveFactor": [1, 1, 1] });
+    let mut sample = Sample::textured(material);
     let view = sample.view(&[image(), vec![0; 100]].concat());
     sample.json["images"] = json!(vec![json!({ "bufferView": view, "mimeType": "image/png" }); 2]);
     sample.push("textures", json!({ "source": 1 }));
