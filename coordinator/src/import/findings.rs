@@ -84,8 +84,16 @@ impl Findings {
 
     /// Warns at the first place where `key` happens in this file, and is silent afterwards.
     pub(super) fn warn_once(&mut self, at: At<'_>, key: &str, message: impl Into<String>) {
-        if self.said.len() < MAX_WARNINGS && self.said.insert(format!("{}\n{key}", at.file)) {
+        let key = format!("{}\n{key}", at.file);
+        if self.said.contains(&key) {
+            return;
+        }
+        // Where there is no room for further keys, their warnings are not told apart and all count.
+        if self.said.len() < MAX_WARNINGS {
+            self.said.insert(key);
             self.warn(at, message);
+        } else {
+            self.unsaid += 1;
         }
     }
 
@@ -138,5 +146,23 @@ impl Findings {
             errors.push(At::file(file).problem(format!("reading stopped after {MAX_ERRORS} errors; there may be more")));
         }
         errors
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_said_once_counts_beyond_the_last_key() {
+        let mut findings = Findings::default();
+        for key in 0..MAX_WARNINGS + 3 {
+            for _ in 0..2 {
+                findings.warn_once(At::file("a"), &key.to_string(), "odd");
+            }
+        }
+        let warnings = findings.into_warnings();
+        assert_eq!(warnings.len(), MAX_WARNINGS + 1);
+        assert_eq!(warnings[MAX_WARNINGS].message, "6 further warnings are not listed");
     }
 }

@@ -34,6 +34,7 @@ pub use x3d::{Rewritten, X3dEncoding, rewrite as rewrite_x3d};
 use crate::records::{Problem, SceneStatistics};
 use findings::{At, Findings};
 use format::Format;
+use images::Images;
 use kiln_proto::{
     limits,
     options::ImportOptions,
@@ -77,7 +78,9 @@ fn import(bundle: &Bundle, options: &ImportOptions, findings: &mut Findings) -> 
         findings.error(At::file(main.as_str()), format!("the option {bad}"));
         return None;
     }
-    let mut scene = import_file(bundle, main, options, findings)?;
+    let mut images = Images::default();
+    let mut scene = import_file(bundle, main, options, &mut images, findings)?;
+    scene.textures = images.textures;
     up::turn(&mut scene, options.up);
     if let Some(environment) = environment::import(bundle, options, findings) {
         if let Some(own) = &scene.environment {
@@ -105,8 +108,9 @@ fn import(bundle: &Bundle, options: &ImportOptions, findings: &mut Findings) -> 
     Some(scene)
 }
 
-/// The scene of one file of the bundle, the main one or one that it inlines.
-fn import_file(bundle: &Bundle, file: &BundlePath, options: &ImportOptions, findings: &mut Findings) -> Option<Scene> {
+/// The scene of one file of the bundle, the main one or one that it inlines. Its textures are those of `images`, which all files share: a
+/// picture that many of them use is decoded and kept once, and what they hold together has one bound.
+fn import_file(bundle: &Bundle, file: &BundlePath, options: &ImportOptions, images: &mut Images, findings: &mut Findings) -> Option<Scene> {
     let bytes = match bundle.read(file, limits::TEXT_BYTES) {
         Ok(bytes) => bytes,
         Err(problem) => {
@@ -115,9 +119,9 @@ fn import_file(bundle: &Bundle, file: &BundlePath, options: &ImportOptions, find
         }
     };
     match format::detect(file.as_str(), &bytes) {
-        Format::Obj => obj::import(bundle, file, &bytes, findings),
-        Format::Gltf => gltf::import(bundle, file, &bytes, options.time, findings),
-        Format::X3d => x3d::import(bundle, file, &bytes, options, findings),
+        Format::Obj => obj::import(bundle, file, &bytes, images, findings),
+        Format::Gltf => gltf::import(bundle, file, &bytes, options.time, images, findings),
+        Format::X3d => x3d::import(bundle, file, &bytes, options, images, findings),
         Format::Zip => {
             findings.error(At::file(file.as_str()), "this is a ZIP inside the bundle; send it by itself");
             None

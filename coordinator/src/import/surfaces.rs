@@ -16,6 +16,9 @@ use kiln_proto::{
     scene::{Part, Scene, ShadowMap, Surface, Triangle},
 };
 
+/// Characters of a surface's name that are kept.
+pub(super) const NAME_CHARS: usize = limits::NAME_BYTES / 8;
+
 /// What a surface looks like.
 #[derive(Default)]
 pub(super) struct Look<'n> {
@@ -134,7 +137,7 @@ impl Surfaces {
 
     /// Adds a surface of this name and part, the names of both still to be given.
     pub(super) fn push(&mut self, mut surface: Surface, part: Part, name: &str, two_sided: bool, back: Option<u32>) {
-        let wanted: String = name.chars().take(limits::NAME_BYTES / 8).collect();
+        let wanted: String = name.chars().take(NAME_CHARS).collect();
         surface.name = self.names.take(&wanted);
         surface.file_stem = self.stems.take(&surface.name);
         surface.parts = vec![Part { name: surface.name.clone(), ..part }];

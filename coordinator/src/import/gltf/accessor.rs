@@ -35,6 +35,8 @@ pub(super) struct Accessor<'d> {
     highest: f64,
     /// The first of its numbers that is not above the one before, where it has one number an element.
     stalls: Option<usize>,
+    /// Whether it says its bounds, both of them.
+    pub(super) has_bounds: bool,
     base: Option<Run>,
     sparse: Option<Box<Sparse>>,
 }
@@ -64,7 +66,8 @@ impl<'d> Accessor<'d> {
             report.error(json, format!("{count} elements without bytes of their own are more than an input of {most} bytes may unfold to"));
             return None;
         }
-        let mut accessor = Self { json, component, normalized, count, shape, highest: 0.0, stalls: None, base, sparse };
+        let has_bounds = json.get("min").is_some() && json.get("max").is_some();
+        let mut accessor = Self { json, component, normalized, count, shape, highest: 0.0, stalls: None, has_bounds, base, sparse };
         let values = checks.values(&accessor, buffers, report)?;
         values.check_bounds(&accessor, report);
         (accessor.highest, accessor.stalls) = (values.highest(), values.stalls);
@@ -96,20 +99,17 @@ impl<'d> Accessor<'d> {
         self.shape.name
     }
 
-    /// Where an element lies; `None` for a zero.
-    fn place(&self, buffers: &Buffers<'_>, index: usize) -> Option<(Run, usize)> {
-        if let Some(sparse) = &self.sparse
-            && let Some(found) = sparse.find(buffers, index)
-        {
-            return Some((sparse.values, found));
-        }
-        self.base.map(|run| (run, index))
+    /// The numbers as they are stored, without normalization.
+    fn raw(&self, buffers: &Buffers<'_>, index: usize, out: &mut [f64]) {
+        let replacement = self.sparse.as_ref().and_then(|sparse| sparse.find(buffers, index));
+        self.stored(buffers, index, replacement, out);
     }
 
-    /// The numbers as they are stored, without normalization.
-    pub(super) fn raw(&self, buffers: &Buffers<'_>, index: usize, out: &mut [f64]) {
+    /// The same for who knows which replacement stands for the element, if any.
+    pub(super) fn stored(&self, buffers: &Buffers<'_>, index: usize, replacement: Option<usize>, out: &mut [f64]) {
         out.fill(0.0);
-        let Some((run, index)) = self.place(buffers, index) else { return };
+        let replaced = self.sparse.as_ref().zip(replacement).map(|(sparse, i)| (sparse.values, i));
+        let Some((run, index)) = replaced.or(self.base.map(|run| (run, index))) else { return };
         let element = run.element(buffers, index);
         let (column, size) = (self.shape.column(self.component), self.component.size());
         for (k, slot) in out.iter_mut().enumerate().take(self.width()) {
@@ -153,7 +153,8 @@ impl Checks {
     fn values(&mut self, accessor: &Accessor<'_>, buffers: &Buffers<'_>, report: &mut Report<'_>) -> Option<&Values> {
         let place = (accessor.component, accessor.kind(), accessor.count, accessor.base, accessor.sparse().copied());
         if !self.known.contains_key(&place) {
-            let cost = Values::cost(accessor);
+            let over_zeros = self.is_over_zeros(accessor, buffers, report)?;
+            let cost = Values::cost(accessor, over_zeros);
             if cost > self.left {
                 let message = format!(
                     "the accessors up to this one name {NUMBERS_PER_BYTE} times as many numbers as an input of {} bytes has bytes; \
@@ -164,9 +165,22 @@ impl Checks {
                 return None;
             }
             self.left -= cost;
-            self.known.insert(place, Values::read(accessor, buffers, report));
+            self.known.insert(place, Values::read(accessor, over_zeros, buffers, report));
         }
         self.known.get(&place)?.as_ref()
+    }
+
+    /// Whether everything is zero that its replacements leave, which those of morph targets mostly do: many may share one run of zeros, and
+    /// each has a few replacements of its own. `None` where what is replaced is wrong.
+    fn is_over_zeros(&mut self, accessor: &Accessor<'_>, buffers: &Buffers<'_>, report: &mut Report<'_>) -> Option<bool> {
+        match (accessor.base, &accessor.sparse) {
+            (None, _) => Some(true),
+            (Some(_), None) => Some(false),
+            (Some(_), Some(_)) => {
+                let base = Accessor { sparse: None, ..accessor.clone() };
+                Some(self.values(&base, buffers, report)?.are_zeros())
+            }
+        }
     }
 }
 

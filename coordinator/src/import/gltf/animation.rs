@@ -97,7 +97,7 @@ fn sampler<'s, 'd>(json: Json<'_>, accessors: &'s Accessors<'d, '_>, report: &mu
         report.error(input, "the times of a sampler are floats of type SCALAR");
         return None;
     }
-    if times.json.get("min").is_none() || times.json.get("max").is_none() {
+    if !times.has_bounds {
         report.count(input, "times of key frames without `min` and `max`, which glTF wants (computed)");
     }
     let time = |i: usize| times.get::<1>(&accessors.buffers, i)[0];
@@ -119,7 +119,7 @@ impl Player<'_, '_, '_, '_> {
         let Some(index) = report.index(target, "node", "node", self.graph.nodes.len()) else { return };
         let Some(width) = sampler.width(target, &path, report) else { return };
         let node = &mut self.graph.nodes[index];
-        if path != "weights" && node.json.get("matrix").is_some() {
+        if path != "weights" && node.has_matrix() {
             return report.error(target, format!("node {index} has a `matrix`, so its {path} cannot be animated"));
         }
         let Some(time) = self.time else { return };

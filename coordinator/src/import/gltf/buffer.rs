@@ -35,6 +35,11 @@ pub(super) struct View {
 }
 
 impl View {
+    /// The same bytes, whatever lies in them.
+    pub(super) fn bytes(self) -> Self {
+        Self { stride: None, ..self }
+    }
+
     /// Its first byte within its buffer.
     pub(super) fn start(&self) -> usize {
         self.start

@@ -20,6 +20,8 @@ pub(super) struct Instances<'s, 'd> {
     scales: Option<&'s Accessor<'d>>,
 }
 
+/// The attributes that say where copies stand.
+const PLACES: [&str; 3] = ["TRANSLATION", "ROTATION", "SCALE"];
 /// What the attributes may be made of; integers are normalized.
 const FLOATS: &[Component] = &[Component::F32];
 const TURNS: &[Component] = &[Component::F32, Component::I8, Component::I16];
@@ -34,10 +36,17 @@ impl<'s, 'd> Instances<'s, 'd> {
         let translations = attribute(attributes, "TRANSLATION", ("VEC3", FLOATS), accessors, report)?;
         let rotations = attribute(attributes, "ROTATION", ("VEC4", TURNS), accessors, report)?;
         let scales = attribute(attributes, "SCALE", ("VEC3", FLOATS), accessors, report)?;
-        let counts: Vec<usize> = [translations, rotations, scales].into_iter().flatten().map(|a| a.count).collect();
-        let count = counts.first().copied().unwrap_or(0);
-        if counts.iter().any(|n| *n != count) {
-            report.error(attributes, format!("translations, rotations and scales of instances differ in number: {counts:?}"));
+        let mut counts: Vec<usize> = [translations, rotations, scales].into_iter().flatten().map(|a| a.count).collect();
+        // Attributes of other programs count as well: copies that have nothing else all stand at the node.
+        for (_, at) in attributes.members().filter(|(name, _)| !PLACES.contains(&name.as_ref())) {
+            counts.push(accessors.at(at, report)?.count);
+        }
+        let Some(count) = counts.first().copied() else {
+            report.error(attributes, "instances without an attribute have no number; name one, or leave the extension out");
+            return None;
+        };
+        if let Some(other) = counts.iter().find(|n| **n != count) {
+            report.error(attributes, format!("the attributes of instances differ in number: {count} and {other}"));
             return None;
         }
         if node.skin().is_some() {

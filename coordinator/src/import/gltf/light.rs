@@ -36,17 +36,17 @@ enum Kind {
 /// The lights of the nodes that are shown, named after their nodes.
 pub(super) fn lights(root: Json<'_>, nodes: &[&Node<'_>], report: &mut Report<'_>) -> Vec<Light> {
     let list = root.extension("KHR_lights_punctual").map(|e| report.objects(e, "lights")).unwrap_or_default();
-    let lamps: Vec<Option<Lamp>> = list.iter().map(|json| lamp(*json, report)).collect();
+    let lamps: Vec<(Option<Lamp>, Option<String>)> = list.iter().map(|json| (lamp(*json, report), json.name())).collect();
     let (mut lights, mut names) = (vec![], Names::default());
     for node in nodes {
         let Some(extension) = node.json.extension("KHR_lights_punctual") else { continue };
         let index = report.required(extension, "light").and_then(|at| report.index_at(at, "light", lamps.len()));
-        let Some((index, Some(lamp))) = index.map(|i| (i, lamps[i])) else { continue };
+        let Some((index, (Some(lamp), given))) = index.map(|i| (i, &lamps[i])) else { continue };
         if lights.len() >= limits::LIGHTS {
             report.error(extension, format!("the scene has more than {} lights", limits::LIGHTS));
             break;
         }
-        let name = [node.json, list[index]].into_iter().find_map(Json::name).unwrap_or_else(|| format!("light{index}"));
+        let name = node.json.name().or_else(|| given.clone()).unwrap_or_else(|| format!("light{index}"));
         lights.push(lamp.place(names.take(&name), node, report));
     }
     lights
@@ -109,17 +109,17 @@ impl Lamp {
 
 /// The cameras of the nodes that are shown.
 pub(super) fn cameras(list: &[Json<'_>], nodes: &[&Node<'_>], report: &mut Report<'_>) -> Vec<Camera> {
-    let lenses: Vec<Option<Lens>> = list.iter().map(|json| lens(*json, report)).collect();
+    let lenses: Vec<(Option<Lens>, Option<String>)> = list.iter().map(|json| (lens(*json, report), json.name())).collect();
     let mut cameras = vec![];
     for node in nodes {
-        let Some((index, Some(lens))) = node.camera().map(|i| (i, lenses[i])) else { continue };
+        let Some((index, (Some(lens), given))) = node.camera().map(|i| (i, &lenses[i])) else { continue };
         if cameras.len() >= limits::LIGHTS {
             report.error(node.json, format!("the scene has more than {} cameras", limits::LIGHTS));
             break;
         }
-        let name = [node.json, list[index]].into_iter().find_map(Json::name).unwrap_or_else(|| format!("camera{index}"));
+        let name = node.json.name().or_else(|| given.clone()).unwrap_or_else(|| format!("camera{index}"));
         let (eye, [_, up, back]) = frame(node, report);
-        cameras.push(Camera { name, eye: single(eye), forward: single(-back), up: single(up), lens });
+        cameras.push(Camera { name, eye: single(eye), forward: single(-back), up: single(up), lens: *lens });
     }
     cameras
 }

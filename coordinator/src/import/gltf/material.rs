@@ -78,7 +78,7 @@ impl<'a, 'd> Materials<'a, 'd> {
     }
 
     /// The name of a material.
-    pub(super) fn name(&self, index: Option<usize>) -> String {
+    fn name(&self, index: Option<usize>) -> String {
         let Some(index) = index else { return "default".to_owned() };
         self.list.get(index).and_then(|json| json.name()).unwrap_or_else(|| format!("material{index}"))
     }

@@ -12,8 +12,8 @@ use kiln_proto::limits;
 
 /// A mesh.
 pub(super) struct Mesh<'s, 'd> {
-    /// Its description.
-    pub(super) json: Json<'d>,
+    /// Its name, read once for all nodes that show it.
+    pub(super) name: Option<String>,
     /// What of it can be shown.
     pub(super) primitives: Vec<Primitive<'s, 'd>>,
     /// Default weights of its morph targets.
@@ -81,7 +81,7 @@ fn mesh<'s, 'd>(json: Json<'d>, accessors: &'s Accessors<'d, '_>, materials: usi
             report.error(p.json, format!("the mesh has {} weights for {own} morph targets", weights.len()));
         }
     }
-    Mesh { json, primitives, weights }
+    Mesh { name: json.name(), primitives, weights }
 }
 
 fn primitive<'s, 'd>(
@@ -106,7 +106,7 @@ fn primitive<'s, 'd>(
     if json.extension("KHR_materials_variants").is_some() {
         report.count(json, "primitives with material variants were imported in their default material (KHR_materials_variants)");
     }
-    if positions.json.get("min").is_none() || positions.json.get("max").is_none() {
+    if !positions.has_bounds {
         report.count(at, "positions without `min` and `max`, which glTF wants (computed)");
     }
     let mut primitive = Primitive {

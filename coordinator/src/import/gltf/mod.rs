@@ -32,7 +32,7 @@ mod values;
 #[cfg(test)]
 mod tests;
 
-use super::{Bundle, BundlePath, findings::Findings};
+use super::{Bundle, BundlePath, findings::Findings, images::Images};
 use accessor::Accessors;
 use buffer::Buffers;
 use json::{Document, Json, Kind};
@@ -41,10 +41,17 @@ use node::{Counts, Graph, Node};
 use report::Report;
 
 /// Imports a glTF file of the bundle, at rest or at a time in seconds; `None` where there were errors.
-pub(super) fn import(bundle: &Bundle, file: &BundlePath, bytes: &[u8], time: Option<f64>, findings: &mut Findings) -> Option<Scene> {
+pub(super) fn import(
+    bundle: &Bundle,
+    file: &BundlePath,
+    bytes: &[u8],
+    time: Option<f64>,
+    images: &mut Images,
+    findings: &mut Findings,
+) -> Option<Scene> {
     let has_lines = !container::is_binary(file.as_str(), bytes);
     let mut report = Report::new(file.as_str(), has_lines, findings);
-    let scene = read(bundle, file, bytes, time, &mut report);
+    let scene = read(bundle, file, bytes, time, images, &mut report);
     report.finish();
     scene.filter(|_| !findings.has_errors())
 }
@@ -61,7 +68,14 @@ pub(super) fn references(name: &str, bytes: &[u8]) -> Vec<(u32, String)> {
     found
 }
 
-fn read(bundle: &Bundle, file: &BundlePath, bytes: &[u8], time: Option<f64>, report: &mut Report<'_>) -> Option<Scene> {
+fn read(
+    bundle: &Bundle,
+    file: &BundlePath,
+    bytes: &[u8],
+    time: Option<f64>,
+    images: &mut Images,
+    report: &mut Report<'_>,
+) -> Option<Scene> {
     let parts = container::open(file.as_str(), bytes, report)?;
     let document = Document::parse(parts.text).map_err(|e| report.error_at_line(e.line, e.to_string())).ok()?;
     let root = document.root();
@@ -74,7 +88,7 @@ fn read(bundle: &Bundle, file: &BundlePath, bytes: &[u8], time: Option<f64>, rep
     let buffers = Buffers::load(bundle, file, parts.binary, root, report);
     let most = buffers.total() + bytes.len() as u64;
     let accessors = Accessors::load(root, buffers, most, report);
-    build(bundle, file, root, &accessors, time, report)
+    build(bundle, file, root, &accessors, time, images, report)
 }
 
 fn build(
@@ -83,6 +97,7 @@ fn build(
     root: Json<'_>,
     accessors: &Accessors<'_, '_>,
     time: Option<f64>,
+    images: &mut Images,
     report: &mut Report<'_>,
 ) -> Option<Scene> {
     let (materials, cameras) = (report.objects(root, "materials"), report.objects(root, "cameras"));
@@ -91,7 +106,7 @@ fn build(
     let counts = Counts { meshes: meshes.len(), skins: number_of("skins"), cameras: cameras.len() };
     let graph = Graph::load(root, counts, report);
     let skins = deform::load_skins(root, number_of("nodes"), accessors, report);
-    let textures = texture::Textures::new(bundle, file, &accessors.buffers, root, report);
+    let textures = texture::Textures::new(bundle, file, &accessors.buffers, root, images, report);
     let mut materials = material::Materials::new(materials, textures);
     let mut graph = graph?;
     animation::apply(root, &mut graph, accessors, time, report);
@@ -108,8 +123,7 @@ fn build(
     if surfaces.made.len() == 0 && !report.has_errors() {
         report.error_in_file("no node of the scene shows a triangle: there is nothing to bake");
     }
-    let mut scene =
-        Scene { materials: materials.materials, textures: materials.textures.images.textures, lights, cameras, ..Scene::empty() };
+    let mut scene = Scene { materials: materials.materials, lights, cameras, ..Scene::empty() };
     surfaces.made.finish(&mut scene);
     Some(scene)
 }

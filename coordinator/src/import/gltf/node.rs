@@ -56,6 +56,11 @@ impl Node<'_> {
         self.camera.map(|i| i as usize)
     }
 
+    /// Whether it says how it stands by a matrix.
+    pub(super) fn has_matrix(&self) -> bool {
+        matches!(self.local.as_deref(), Some(Local::Matrix(_)))
+    }
+
     /// How it stands within its parent, to be changed.
     pub(super) fn local(&mut self) -> &mut Local {
         self.local.get_or_insert_with(|| Box::new(Local::STILL))

@@ -124,7 +124,7 @@ impl<'d> Materials<'_, 'd> {
         if extension.get("clearcoatNormalTexture").is_some() {
             report.count(extension, "normal maps of clear coats were not read");
         }
-        coat::fold(pbr, Coat { strength, roughness }, &mut self.textures.images);
+        coat::fold(pbr, Coat { strength, roughness }, self.textures.images);
     }
 
     fn layers(&mut self, owner: Json<'d>, name: &str, report: &mut Report<'_>) -> Vec<TextureLayer> {

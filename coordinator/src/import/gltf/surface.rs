@@ -7,7 +7,6 @@ use super::{
     accessor::Accessors,
     deform::{Moved, Shape, Skin},
     instance::Instances,
-    json::Json,
     material::{Chosen, Materials},
     mesh::{Mesh, Primitive},
     node::{Graph, Node},
@@ -69,7 +68,7 @@ impl Surfaces {
         let mesh = &source.meshes[index];
         let copies = Instances::of(node, source.accessors, report)?;
         self.count(node, mesh, copies.count, source, report)?;
-        let name = surface_name(node.json, mesh.json, index);
+        let name = node.json.name().or_else(|| mesh.name.clone()).unwrap_or_else(|| format!("mesh{index}"));
         for copy in 0..copies.count {
             let copy = copies.matrix(copy, source.accessors);
             for primitive in &mesh.primitives {
@@ -78,7 +77,7 @@ impl Surfaces {
                 let chosen = materials.choose(primitive.material, tint, placed.moved.stretch, report);
                 let wanted = match mesh.primitives.len() {
                     1 => name.clone(),
-                    _ => format!("{name}.{}", materials.name(primitive.material)),
+                    _ => format!("{name}.{}", materials.materials[chosen.id as usize].name),
                 };
                 self.surface(&wanted, &placed, &chosen, source.accessors, report);
             }
@@ -263,9 +262,4 @@ fn tangents(placed: &Placed<'_, '_, '_>, report: &mut Report<'_>) -> Vec<[f32; 4
         report.count(json, "primitives with a tangent without a length; all of their tangents were made from texture coordinates");
         vec![]
     })
-}
-
-/// The name of a node, else of its mesh, else a number.
-fn surface_name(node: Json<'_>, mesh: Json<'_>, index: usize) -> String {
-    [node, mesh].into_iter().find_map(Json::name).unwrap_or_else(|| format!("mesh{index}"))
 }

@@ -15,17 +15,22 @@ use crate::import::{
     images::{Image, Images, Wanted},
     texture,
 };
+use crate::records::Problem;
 use kiln_proto::{
     limits, math,
     scene::{Coding, Mapping, TextureRef, Wrap},
 };
-use std::{borrow::Cow, collections::BTreeSet};
+use std::{
+    borrow::Cow,
+    collections::{BTreeMap, BTreeSet},
+};
 
 /// Extensions that bring an image of their own beside the texture's `source`.
 const OTHER_IMAGES: [&str; 4] = ["EXT_texture_avif", "EXT_texture_webp", "KHR_texture_basisu", "MSFT_texture_dds"];
 
-/// Times that the bytes of the buffers are looked at for images that nothing uses; views of one buffer may overlap.
-const UNUSED_LOOKS: u64 = 4;
+/// Times that the bytes of the buffers are looked at for images that materials use, and as often for those that nothing uses: views of one
+/// buffer may overlap.
+const LOOKS: u64 = 4;
 
 /// The textures of a file.
 pub(super) struct Textures<'a, 'd> {
@@ -35,9 +40,35 @@ pub(super) struct Textures<'a, 'd> {
     textures: Vec<Json<'d>>,
     sources: Vec<Json<'d>>,
     samplers: Vec<Json<'d>>,
-    used: BTreeSet<usize>,
+    /// What was read of textures, samplers and images: thousands may refer to one that is long.
+    known: Known<'a, 'd>,
+    /// Bytes of views that may still be looked at.
+    left: u64,
     /// The decoded images.
-    pub(super) images: Images,
+    pub(super) images: &'a mut Images,
+}
+
+/// What was read already, by index.
+#[derive(Default)]
+struct Known<'a, 'd> {
+    textures: BTreeMap<usize, Option<Described>>,
+    samplers: BTreeMap<usize, Sampling>,
+    /// The images that materials use; `None` where one cannot be had.
+    images: BTreeMap<usize, Option<Located<'a, 'd>>>,
+    /// The first image of each view.
+    views: BTreeMap<View, usize>,
+    /// Means of images, linear or not.
+    means: BTreeMap<(usize, bool), Option<[f32; 4]>>,
+}
+
+/// Wrapping along u and v, and whether texels are taken as they are.
+type Sampling = ([Wrap; 2], bool);
+
+/// What a texture says: the index of its image, and how that is sampled.
+#[derive(Debug, Clone, Copy)]
+struct Described {
+    source: usize,
+    sampling: Sampling,
 }
 
 /// A texture as a material uses it, and whether it has transparent pixels.
@@ -49,7 +80,14 @@ pub(super) struct Use {
 
 impl<'a, 'd> Textures<'a, 'd> {
     /// Nothing is decoded until a material asks.
-    pub(super) fn new(bundle: &'a Bundle, file: &'a BundlePath, buffers: &'a Buffers<'a>, root: Json<'d>, report: &mut Report<'_>) -> Self {
+    pub(super) fn new(
+        bundle: &'a Bundle,
+        file: &'a BundlePath,
+        buffers: &'a Buffers<'a>,
+        root: Json<'d>,
+        images: &'a mut Images,
+        report: &mut Report<'_>,
+    ) -> Self {
         Self {
             bundle,
             file,
@@ -57,8 +95,9 @@ impl<'a, 'd> Textures<'a, 'd> {
             textures: report.objects(root, "textures"),
             sources: report.objects(root, "images"),
             samplers: report.objects(root, "samplers"),
-            used: BTreeSet::new(),
-            images: Images::default(),
+            known: Known::default(),
+            left: buffers.total().saturating_mul(LOOKS),
+            images,
         }
     }
 
@@ -67,9 +106,7 @@ impl<'a, 'd> Textures<'a, 'd> {
         let info = owner.get(name)?;
         let at = report.required(info, "index")?;
         let index = report.index_at(at, "texture", self.textures.len())?;
-        let texture = self.textures[index];
-        let (wrap, nearest) = self.sampler(texture, report);
-        let source = self.source(texture, report)?;
+        let Described { source, sampling: (wrap, nearest) } = self.described(index, report)?;
         let image = self.decode(source, Wanted { coding, alpha }, report)?;
         let extension = info.extension("KHR_texture_transform");
         let set = report.integer(extension.filter(|e| e.get("texCoord").is_some()).unwrap_or(info), "texCoord", 0);
@@ -87,20 +124,37 @@ impl<'a, 'd> Textures<'a, 'd> {
     pub(super) fn mean(&mut self, owner: Json<'_>, name: &str, coding: Coding, report: &mut Report<'_>) -> Option<[f32; 4]> {
         let at = report.required(owner.get(name)?, "index")?;
         let index = report.index_at(at, "texture", self.textures.len())?;
-        let source = self.source(self.textures[index], report)?;
-        let (json, image) = (self.sources[source], self.image_name(source));
-        let located = self.locate(json, report)?;
-        let (at, findings) = report.raw(json);
-        let (bundle, buffers) = (self.bundle, self.buffers);
-        match located {
-            Located::File(path) => self.images.measure(path.as_str(), coding, at, findings, || bundle.read(path, limits::BUNDLE_BYTES)),
-            Located::View(view) => self.images.measure(&image, coding, at, findings, || Ok(Cow::Borrowed(buffers.bytes(view)))),
-            Located::Data(bytes) => self.images.measure(&image, coding, at, findings, || Ok(Cow::Owned(bytes))),
+        let source = self.described(index, report)?.source;
+        let key = (source, coding == Coding::Linear);
+        if let Some(known) = self.known.means.get(&key) {
+            return *known;
         }
+        let mean = self.measure(source, coding, report);
+        self.known.means.insert(key, mean);
+        mean
+    }
+
+    fn measure(&mut self, index: usize, coding: Coding, report: &mut Report<'_>) -> Option<[f32; 4]> {
+        let located = self.locate(index, report)?;
+        let (name, bytes) = (self.image_name(index, located), self.bytes(index, located, report)?);
+        let (at, findings) = report.raw(self.sources[index]);
+        self.images.measure(&name, coding, at, findings, || bytes)
+    }
+
+    /// What a texture says; `None` where it has no image.
+    fn described(&mut self, index: usize, report: &mut Report<'_>) -> Option<Described> {
+        if let Some(known) = self.known.textures.get(&index) {
+            return *known;
+        }
+        let texture = self.textures[index];
+        let sampling = self.sampler(texture, report);
+        let described = self.source(texture, report).map(|source| Described { source, sampling });
+        self.known.textures.insert(index, described);
+        described
     }
 
     /// The image that stands behind a texture.
-    fn source(&mut self, texture: Json<'_>, report: &mut Report<'_>) -> Option<usize> {
+    fn source(&self, texture: Json<'_>, report: &mut Report<'_>) -> Option<usize> {
         let other = OTHER_IMAGES.iter().find(|name| texture.extension(name).is_some());
         match (texture.get("source"), other) {
             (None, Some(name)) => {
@@ -117,45 +171,85 @@ impl<'a, 'd> Textures<'a, 'd> {
             }
             (Some(_), None) => {}
         }
-        let index = report.index(texture, "source", "image", self.sources.len())?;
-        self.used.insert(index);
-        Some(index)
+        report.index(texture, "source", "image", self.sources.len())
     }
 
-    /// A name that stands for the bytes of an image inside the file.
-    fn image_name(&self, index: usize) -> String {
-        format!("{}#/images/{index}", self.file)
+    /// A name that stands for the bytes of an image.
+    fn image_name(&self, index: usize, located: Located<'_, '_>) -> String {
+        let inside = |index: usize| format!("{}#/images/{index}", self.file);
+        match located {
+            Located::File(path) => path.to_string(),
+            Located::View(view) => inside(self.known.views.get(&view.bytes()).copied().unwrap_or(index)),
+            Located::Data(_) => inside(index),
+        }
     }
 
     fn decode(&mut self, index: usize, wanted: Wanted, report: &mut Report<'_>) -> Option<Image> {
-        let source = self.sources[index];
-        let name = self.image_name(index);
+        let located = self.locate(index, report)?;
+        let name = self.image_name(index, located);
         if let Some(known) = self.images.known(&name, wanted) {
             return known;
         }
-        match self.locate(source, report)? {
-            Located::File(path) => {
-                let (at, findings) = report.raw(source);
-                self.images.file(self.bundle, path, wanted, at, findings)
-            }
-            Located::View(view) => {
-                let (at, findings) = report.raw(source);
-                self.images.bytes(&name, wanted, at, findings, || Ok(Cow::Borrowed(self.buffers.bytes(view))))
-            }
-            Located::Data(bytes) => {
-                let (at, findings) = report.raw(source);
-                self.images.bytes(&name, wanted, at, findings, || Ok(Cow::Owned(bytes)))
-            }
-        }
+        let bytes = self.bytes(index, located, report)?;
+        let (at, findings) = report.raw(self.sources[index]);
+        self.images.bytes(&name, wanted, at, findings, || bytes)
     }
 
-    /// Where the bytes of an image are.
-    fn locate(&self, source: Json<'_>, report: &mut Report<'_>) -> Option<Located<'a>> {
+    /// The bytes of an image that a material uses; `None` where they are none, which is told once.
+    fn bytes(&mut self, index: usize, located: Located<'a, 'd>, report: &mut Report<'_>) -> Option<Result<Cow<'a, [u8]>, Problem>> {
+        let bytes = self.read(located, report);
+        if bytes.is_none() {
+            self.known.images.insert(index, None);
+        }
+        bytes
+    }
+
+    fn read(&self, located: Located<'a, 'd>, report: &mut Report<'_>) -> Option<Result<Cow<'a, [u8]>, Problem>> {
+        Some(match located {
+            Located::File(path) => self.bundle.read(path, limits::BUNDLE_BYTES),
+            Located::View(view) => Ok(Cow::Borrowed(self.buffers.bytes(view))),
+            Located::Data(at) => match uri::resolve(self.bundle, self.file, at, report)? {
+                Target::Data(bytes) => Ok(Cow::Owned(bytes)),
+                Target::File(path) => self.bundle.read(path, limits::BUNDLE_BYTES),
+            },
+        })
+    }
+
+    /// Where the bytes of an image that a material uses are.
+    fn locate(&mut self, index: usize, report: &mut Report<'_>) -> Option<Located<'a, 'd>> {
+        if let Some(known) = self.known.images.get(&index) {
+            return *known;
+        }
+        let located = self.find_image(self.sources[index], report).filter(|located| self.may_look(index, *located, report));
+        self.known.images.insert(index, located);
+        located
+    }
+
+    /// Whether the bytes of views up to this one are not too many; those that are the same count once.
+    fn may_look(&mut self, index: usize, located: Located<'_, '_>, report: &mut Report<'_>) -> bool {
+        let Located::View(view) = located else { return true };
+        if self.known.views.contains_key(&view.bytes()) {
+            return true;
+        }
+        let Some(left) = self.left.checked_sub(view.len as u64) else {
+            let message =
+                format!("the views of the images up to this one have more than {LOOKS} times the bytes of all buffers: they overlap");
+            report.error(self.sources[index], message);
+            return false;
+        };
+        self.left = left;
+        self.known.views.insert(view.bytes(), index);
+        true
+    }
+
+    /// Where the bytes of an image are; those in the text itself are not decoded yet.
+    fn find_image(&self, source: Json<'d>, report: &mut Report<'_>) -> Option<Located<'a, 'd>> {
         match (source.get("uri"), source.get("bufferView")) {
-            (Some(at), None) => Some(match uri::resolve(self.bundle, self.file, at, report)? {
-                Target::Data(bytes) => Located::Data(bytes),
-                Target::File(path) => Located::File(path),
-            }),
+            (Some(at), None) if uri::is_data(at) => Some(Located::Data(at)),
+            (Some(at), None) => match uri::resolve(self.bundle, self.file, at, report)? {
+                Target::Data(_) => Some(Located::Data(at)),
+                Target::File(path) => Some(Located::File(path)),
+            },
             (None, Some(at)) => {
                 let view = report.index_at(at, "buffer view", self.buffers.view_count())?;
                 Some(Located::View(self.buffers.view_of(view)?))
@@ -190,21 +284,21 @@ impl<'a, 'd> Textures<'a, 'd> {
             report.index(*texture, "source", "image", self.sources.len());
             report.index(*texture, "sampler", "sampler", self.samplers.len());
         }
-        let (mut files, mut views, mut left) = (BTreeSet::new(), BTreeSet::new(), self.buffers.total().saturating_mul(UNUSED_LOOKS));
-        for source in self.sources.iter().enumerate().filter(|(i, _)| !self.used.contains(i)).map(|(_, source)| *source) {
+        let (mut files, mut views, mut left) = (BTreeSet::new(), BTreeSet::new(), self.buffers.total().saturating_mul(LOOKS));
+        for source in self.sources.iter().enumerate().filter(|(i, _)| !self.known.images.contains_key(i)).map(|(_, source)| *source) {
             if report.is_full() {
                 return;
             }
-            let bytes = match self.locate(source, report) {
-                None => continue,
-                Some(Located::File(path)) if files.insert(path) => self.bundle.read(path, limits::BUNDLE_BYTES),
-                Some(Located::View(view)) if views.insert(view) && view.len as u64 <= left => {
-                    left -= view.len as u64;
-                    Ok(Cow::Borrowed(self.buffers.bytes(view)))
-                }
-                Some(Located::Data(bytes)) => Ok(Cow::Owned(bytes)),
-                Some(Located::File(_) | Located::View(_)) => continue,
+            let Some(located) = self.find_image(source, report) else { continue };
+            let is_new = match located {
+                Located::File(path) => files.insert(path),
+                Located::View(view) => view.len as u64 <= left && views.insert(view.bytes()),
+                Located::Data(_) => true,
             };
+            if let (true, Located::View(view)) = (is_new, located) {
+                left -= view.len as u64;
+            }
+            let Some(bytes) = (if is_new { self.read(located, report) } else { None }) else { continue };
             match bytes.map(|bytes| texture::size("image", &bytes)) {
                 Err(problem) => report.push_error(problem),
                 Ok(Err(e)) => report.warn(source, format!("the image {e}; no material uses it")),
@@ -213,9 +307,12 @@ impl<'a, 'd> Textures<'a, 'd> {
         }
     }
 
-    /// Wrapping along u and v, and whether texels are taken as they are.
-    fn sampler(&self, texture: Json<'_>, report: &mut Report<'_>) -> ([Wrap; 2], bool) {
+    /// How a texture is sampled.
+    fn sampler(&mut self, texture: Json<'_>, report: &mut Report<'_>) -> Sampling {
         let Some(index) = report.index(texture, "sampler", "sampler", self.samplers.len()) else { return ([Wrap::Repeat; 2], false) };
+        if let Some(known) = self.known.samplers.get(&index) {
+            return *known;
+        }
         let sampler = self.samplers[index];
         let wrap = ["wrapS", "wrapT"].map(|name| match report.integer(sampler, name, 10_497) {
             33_071 => Wrap::Clamp,
@@ -234,15 +331,17 @@ impl<'a, 'd> Textures<'a, 'd> {
                 false
             }
         };
+        self.known.samplers.insert(index, (wrap, nearest));
         (wrap, nearest)
     }
 }
 
-/// The bytes of an image.
-enum Located<'a> {
+/// Where the bytes of an image are: the URI of those in the text.
+#[derive(Clone, Copy)]
+enum Located<'a, 'd> {
     File(&'a BundlePath),
     View(View),
-    Data(Vec<u8>),
+    Data(Json<'d>),
 }
 
 /// KHR_texture_transform (offset x rotation x scale) for coordinates whose v counts up.

@@ -11,6 +11,11 @@ pub(super) enum Target<'b> {
     File(&'b BundlePath),
 }
 
+/// Whether a value is a URI that holds the bytes themselves.
+pub(super) fn is_data(at: Json<'_>) -> bool {
+    at.string().is_some_and(|text| uri::is_data(&text))
+}
+
 /// Follows a URI written in the file `from`; `None` where that was an error.
 pub(super) fn resolve<'b>(bundle: &'b Bundle, from: &BundlePath, at: Json<'_>, report: &mut Report<'_>) -> Option<Target<'b>> {
     let Some(text) = at.string() else {

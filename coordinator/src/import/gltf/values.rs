@@ -14,23 +14,25 @@ pub(super) struct Values {
 }
 
 impl Values {
-    /// Numbers that are looked at to read these: those of every element, and steps of the search among its replacements.
-    pub(super) fn cost(accessor: &Accessor<'_>) -> u64 {
-        let steps = accessor.sparse().map_or(0, |sparse| 2 * (usize::BITS - sparse.count.leading_zeros()) as usize);
-        if accessor.has_bytes() { (accessor.count as u64).saturating_mul((accessor.width() + steps) as u64) } else { 0 }
+    /// Numbers that are looked at to read these: those of every element, or, between replacements of nothing but zeros, of the two that
+    /// stand for each run of zeros; and the places of the replacements, twice.
+    pub(super) fn cost(accessor: &Accessor<'_>, over_zeros: bool) -> u64 {
+        let (all, replaced) = (accessor.count as u64, accessor.sparse().map_or(0, |sparse| sparse.count as u64));
+        let elements = if over_zeros { all.min(3 * replaced + 2) } else { all };
+        elements.saturating_mul(accessor.width() as u64).saturating_add(2 * replaced)
     }
 
-    /// Reads them all; `None` where one is not finite or replacements are out of order.
-    pub(super) fn read(accessor: &Accessor<'_>, buffers: &Buffers<'_>, report: &mut Report<'_>) -> Option<Self> {
-        let (width, mut element) = (accessor.width(), [0.0; 16]);
+    /// Reads them all; `None` where one is not finite or replacements are out of order. `over_zeros`: what is not replaced is zero.
+    pub(super) fn read(accessor: &Accessor<'_>, over_zeros: bool, buffers: &Buffers<'_>, report: &mut Report<'_>) -> Option<Self> {
         check_order(accessor, buffers, report)?;
-        if !accessor.has_bytes() {
-            return Some(Self { bounds: vec![[0.0; 2]; width].into(), stalls: (accessor.count > 1).then_some(1) });
-        }
+        let (width, mut element) = (accessor.width(), [0.0; 16]);
         let (mut bounds, mut stalls) = (vec![[f64::INFINITY, f64::NEG_INFINITY]; width], None);
-        for i in 0..accessor.count {
-            let before = element[0];
-            accessor.raw(buffers, i, &mut element);
+        let places = accessor.sparse().map(|sparse| (0..sparse.count).map(|k| (sparse.index(buffers, k), k)));
+        let mut replacements = places.into_iter().flatten().peekable();
+        let (mut i, mut zeros) = (0, 0);
+        while i < accessor.count {
+            let (before, replacement) = (element[0], replacements.next_if(|(place, _)| *place == i).map(|(_, k)| k));
+            accessor.stored(buffers, i, replacement, &mut element);
             if let Some(k) = element[..width].iter().position(|v| !v.is_finite()) {
                 report.error(accessor.json, format!("element {i} has a number that is not finite ({})", element[k]));
                 return None;
@@ -41,8 +43,16 @@ impl Values {
             for ([low, high], v) in bounds.iter_mut().zip(&element) {
                 (*low, *high) = (low.min(*v), high.max(*v));
             }
+            // The first zero has told how it stands to what is before it, the second to the first, and others say nothing new.
+            zeros = if replacement.is_none() && over_zeros { zeros + 1 } else { 0 };
+            i = if zeros < 2 { i + 1 } else { replacements.peek().map_or(accessor.count, |(place, _)| *place) };
         }
         Some(Self { bounds: bounds.into(), stalls })
+    }
+
+    /// Whether there is nothing but zeros.
+    pub(super) fn are_zeros(&self) -> bool {
+        self.bounds.iter().all(|bounds| *bounds == [0.0; 2])
     }
 
     /// The greatest number of all.

@@ -11,7 +11,7 @@ use crate::import::{
     Bundle,
     coat::{self, Coat},
     findings::{At, Findings},
-    images::Image,
+    images::{Image, Images},
 };
 use kiln_proto::{
     scene::{
@@ -45,8 +45,8 @@ fn named(raw: &RawMaterial, role: Role) -> Option<Named<'_>> {
 }
 
 impl<'a> Materials<'a> {
-    pub(super) fn new(bundle: &'a Bundle, library: &'a Library) -> Self {
-        Self { library, ids: BTreeMap::new(), materials: vec![], pictures: Pictures::new(bundle) }
+    pub(super) fn new(bundle: &'a Bundle, library: &'a Library, images: &'a mut Images) -> Self {
+        Self { library, ids: BTreeMap::new(), materials: vec![], pictures: Pictures::new(bundle, images) }
     }
 
     /// The id of the material of this name; unknown names and faces without a material share a grey one.
@@ -146,7 +146,7 @@ impl<'a> Materials<'a> {
             let message = "clear coats (Pc) are folded into the specular lobe below them (said once)";
             findings.warn_once(raw.at(Number::Coat), "coat", message);
             let coat = Coat { strength: coat, roughness: raw.number(Number::CoatRoughness).unwrap_or(0.0) };
-            coat::fold(&mut physical, coat, &mut self.pictures.images);
+            coat::fold(&mut physical, coat, self.pictures.images);
         }
         physical
     }

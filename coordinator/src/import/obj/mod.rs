@@ -25,6 +25,7 @@ use super::{
     Bundle, BundlePath,
     bundle::Found,
     findings::{At, Findings},
+    images::Images,
 };
 use kiln_proto::{limits, scene::Scene};
 
@@ -32,7 +33,7 @@ use kiln_proto::{limits, scene::Scene};
 const NAME_WORDS: usize = 32;
 
 /// Imports the OBJ text of a file of a bundle; `None` where there were errors.
-pub(super) fn import(bundle: &Bundle, main: &BundlePath, bytes: &[u8], findings: &mut Findings) -> Option<Scene> {
+pub(super) fn import(bundle: &Bundle, main: &BundlePath, bytes: &[u8], images: &mut Images, findings: &mut Findings) -> Option<Scene> {
     let text = text::decode(main.as_str(), bytes, findings)?;
     let scan = scan::scan(main.as_str(), &text, findings);
     let library = read_libraries(bundle, main, &scan.libraries, findings);
@@ -40,11 +41,10 @@ pub(super) fn import(bundle: &Bundle, main: &BundlePath, bytes: &[u8], findings:
         return None;
     }
     let shaded = shade::shade(main.as_str(), scan, findings);
-    let mut materials = material::Materials::new(bundle, &library);
+    let mut materials = material::Materials::new(bundle, &library, images);
     let mut scene = Scene::empty();
     build::build(main.as_str(), main.stem(), &shaded, &mut materials, &mut scene, findings);
     scene.materials = materials.materials;
-    scene.textures = materials.pictures.images.textures;
     Some(scene)
 }
 

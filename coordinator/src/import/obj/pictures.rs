@@ -39,12 +39,12 @@ pub(super) struct Pictures<'b> {
     facts: BTreeMap<&'b BundlePath, Option<Facts>>,
     /// The picture that was decoded last.
     last: Option<(&'b BundlePath, Rc<Decoded>)>,
-    pub(super) images: Images,
+    pub(super) images: &'b mut Images,
 }
 
 impl<'b> Pictures<'b> {
-    pub(super) fn new(bundle: &'b Bundle) -> Self {
-        Self { bundle, facts: BTreeMap::new(), last: None, images: Images::default() }
+    pub(super) fn new(bundle: &'b Bundle, images: &'b mut Images) -> Self {
+        Self { bundle, facts: BTreeMap::new(), last: None, images }
     }
 
     /// The file that a map names; `None` where there is none, which is then an error.

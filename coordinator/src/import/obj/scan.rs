@@ -125,7 +125,7 @@ impl Scanner<'_> {
     }
 
     /// The id of a name; `None` for an empty one. Groups have names of any length: CAD programs list all assemblies around a part, and
-    /// surfaces are called by the beginning.
+    /// surfaces are called by the end.
     fn name(&mut self, line: u32, rest: &str) -> Option<usize> {
         if rest.is_empty() {
             return None;

@@ -28,7 +28,7 @@ mod value;
 mod write;
 mod xml;
 
-use super::{Bundle, BundlePath, bundle::Found, findings::Findings, uri};
+use super::{Bundle, BundlePath, bundle::Found, findings::Findings, images::Images, uri};
 use kiln_proto::{options::ImportOptions, scene::Scene};
 
 pub(super) use document::{Document, Inlined, NodeId};
@@ -50,9 +50,16 @@ pub(super) fn read(bundle: &Bundle, main: &BundlePath, bytes: &[u8], time: Optio
 }
 
 /// The canonical scene of an X3D or VRML97 file of a bundle; `None` where there were errors.
-pub(super) fn import(bundle: &Bundle, main: &BundlePath, bytes: &[u8], options: &ImportOptions, findings: &mut Findings) -> Option<Scene> {
+pub(super) fn import(
+    bundle: &Bundle,
+    main: &BundlePath,
+    bytes: &[u8],
+    options: &ImportOptions,
+    images: &mut Images,
+    findings: &mut Findings,
+) -> Option<Scene> {
     let document = read(bundle, main, bytes, options.time, findings)?;
-    scene::build(bundle, &document, options, findings)
+    scene::build(bundle, &document, options, images, findings)
 }
 
 /// The file of the bundle that an address means as written in the file `from`: percent-encoded, as addresses are, or not, as some exporters

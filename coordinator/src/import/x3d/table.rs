@@ -9,7 +9,8 @@
 //! ```
 //! A line at the margin is a node: its name, the field it goes to by default (its `containerField`), whether the importer skips it, and
 //! what it inherits. An indented line is a field: type, `angle` where the file's unit of angles applies, access, name with other names
-//! behind `|`, default (`since 3.3` another one). Kept as text so that it can be laid beside the standard line by line; the alternative, constructors in code, is
+//! behind `|`, default (`since 3.3` another one); in a list whose places mean something, behind `else`, the node that stands in for one that
+//! is skipped. Kept as text so that it can be laid beside the standard line by line; the alternative, constructors in code, is
 //! checked by the compiler and not readable by anyone. A test checks the text instead.
 
 mod appearance;
@@ -104,6 +105,8 @@ pub(super) struct Field {
     pub(super) default: Value,
     /// The default in files of this version (times ten) and later, where the standard has changed it.
     pub(super) since: Option<(u32, Value)>,
+    /// Type of the empty node that takes the place of one that is skipped, where other fields count the places of this list.
+    pub(super) stand_in: Option<&'static str>,
 }
 
 /// A type of nodes.
@@ -233,6 +236,7 @@ fn field_line(line: &'static str) -> Option<Field> {
     let (names, default) = rest.split_once(' ').unwrap_or((rest, ""));
     let mut names = names.split('|');
     let name = names.next()?;
+    let (default, stand_in) = default.split_once(" else ").map_or((default, None), |(d, s)| (d, Some(s)));
     let (default, since) = default.split_once(" since ").map_or((default, None), |(d, s)| (d, Some(s)));
     let since = match since {
         Some(text) => {
@@ -241,7 +245,7 @@ fn field_line(line: &'static str) -> Option<Field> {
         }
         None => None,
     };
-    Some(Field { name, aliases: names.collect(), ty, angle, access, default: default_value(ty, default)?, since })
+    Some(Field { name, aliases: names.collect(), ty, angle, access, default: default_value(ty, default)?, since, stand_in })
 }
 
 fn default_value(ty: FieldType, text: &str) -> Option<Value> {

@@ -178,7 +178,24 @@ fn instances_are_copies_within_their_node() {
     assert_eq!(scene.surfaces.iter().map(|s| s.name.as_str()).collect::<Vec<_>>(), ["leaf", "leaf-2"]);
     assert_eq!(corners(&scene, 1, 0), [[5.0, 0.0, 2.0], [8.0, 0.0, 2.0], [5.0, 3.0, 2.0]]);
     sample.json["nodes"][0]["extensions"]["EXT_mesh_gpu_instancing"]["attributes"]["SCALE"] = json!(0);
-    assert!(sample.error().contains("differ in number: [2, 3]"));
+    assert!(sample.error().contains("differ in number: 2 and 3"));
+}
+
+/// As programs write them that number the copies and place none.
+#[test]
+fn instances_are_as_many_as_any_attribute_has() {
+    let mut sample = Sample::triangle();
+    let numbers = sample.accessor(5121, "SCALAR", &[0, 1, 2, 3], 4);
+    let scales = sample.floats("VEC3", &[2.0, 2.0, 2.0, 3.0, 3.0, 3.0]);
+    let mut with = |attributes: Value| {
+        sample.json["nodes"][0]["extensions"] = json!({ "EXT_mesh_gpu_instancing": { "attributes": attributes } });
+        sample.import()
+    };
+    let found = with(json!({ "_FEATURE_ID_0": numbers }));
+    assert!(found.warns("repeat another one exactly were dropped: 3"), "{:?}", found.warnings);
+    assert_eq!(found.scene().surfaces.len(), 1);
+    assert!(with(json!({ "_FEATURE_ID_0": numbers, "SCALE": scales })).errors[0].contains("differ in number: 2 and 4"));
+    assert!(with(json!({})).errors[0].contains("/EXT_mesh_gpu_instancing/attributes: instances without an attribute have no number"));
 }
 
 #[test]

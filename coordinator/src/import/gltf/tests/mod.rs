@@ -11,7 +11,7 @@ mod materials;
 mod tangents;
 
 use super::import;
-use crate::import::{Bundle, Content, Part, findings::Findings};
+use crate::import::{Bundle, Content, Part, findings::Findings, images::Images};
 use base64::{Engine, prelude::BASE64_STANDARD};
 use kiln_proto::scene::{Material, MetallicRoughness, Reflection, Scene};
 use serde_json::{Value, json};
@@ -138,8 +138,9 @@ impl Outcome {
 fn outcome(files: &[(&str, &[u8])], time: Option<f64>) -> Outcome {
     let parts = files.iter().map(|(name, bytes)| Part { name: (*name).into(), content: Content::Bytes(bytes.to_vec()) }).collect();
     let bundle = Bundle::from_parts(parts, Some(files[0].0), &std::env::temp_dir()).unwrap();
-    let mut findings = Findings::default();
-    let scene = import(&bundle, bundle.main(), files[0].1, time, &mut findings);
+    let (mut findings, mut images) = (Findings::default(), Images::default());
+    let scene = import(&bundle, bundle.main(), files[0].1, time, &mut images, &mut findings);
+    let scene = scene.map(|scene| Scene { textures: images.textures, ..scene });
     let failed = findings.has_errors();
     assert_eq!(scene.is_none(), failed);
     let (errors, warnings) = if failed { (findings.into_errors("a.gltf"), vec![]) } else { (vec![], findings.into_warnings()) };

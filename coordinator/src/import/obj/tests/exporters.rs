@@ -85,6 +85,10 @@ fn groups_have_names_of_any_length() {
     let (scene, said) = geometry(&format!("{SQUARE}g {long}a\nf 1 2 3\ng {long}b\nf 1 3 4\n"));
     assert_eq!((scene.surfaces.len(), said), (2, vec![]));
     assert!(scene.surfaces.iter().all(|s| s.name.starts_with("assembly assembly") && s.name.len() < 200));
+    let two = format!("{SQUARE}g {long}a\nusemtl steel\nf 1 2 3\nusemtl glass\nf 1 3 4\ng {}\nf 4 3 2\n", "ü".repeat(300));
+    let names: Vec<String> = import_parts(vec![file("a.obj", two)]).unwrap().scene.surfaces.into_iter().map(|s| s.name).collect();
+    assert!(names[0].ends_with("assembly a.steel") && names[1].ends_with("assembly a.glass"), "{names:?}");
+    assert!(names[0].starts_with("assembly assembly") && names.iter().all(|n| (110..=128).contains(&n.chars().count())), "{names:?}");
     let errors = import_parts(vec![file("a.obj", format!("{SQUARE}usemtl {long}\nf 1 2 3\n"))]).unwrap_err();
     assert!(errors[0].starts_with("a.obj:9: the name has 2699 bytes; those of materials have at most 1024"), "{errors:?}");
 }

@@ -1,9 +1,12 @@
 //! Pictures are decoded as often as they must be, whoever asks.
 
 use super::*;
-use crate::import::obj::{
-    map,
-    pictures::{Named, Pictures},
+use crate::import::{
+    images::Images,
+    obj::{
+        map,
+        pictures::{Named, Pictures},
+    },
 };
 
 /// Asks for something of a picture by the options of a map.
@@ -29,7 +32,8 @@ fn a_picture_that_was_decoded_is_not_read_again() {
     let disk =
         |path: &std::path::Path| Part { name: path.file_name().unwrap().to_str().unwrap().into(), content: Content::File(path.to_owned()) };
     let bundle = Bundle::from_parts(vec![file("a.obj", SQUARE), disk(&grey), disk(&leaf)], Some("a.obj"), folder.path()).unwrap();
-    let mut pictures = Pictures::new(&bundle);
+    let mut images = Images::default();
+    let mut pictures = Pictures::new(&bundle, &mut images);
     let mean = |pictures: &mut Pictures<'_>, options: &str| ask(pictures, &bundle, options, |p, n, f| p.mean(n, f)).unwrap();
     let opacity = |pictures: &mut Pictures<'_>, options: &str| ask(pictures, &bundle, options, |p, n, f| p.opacity(n, f)).unwrap().0;
     let packed =

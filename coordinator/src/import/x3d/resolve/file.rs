@@ -39,9 +39,9 @@ impl Resolver<'_> {
         let scale = (frame.length / length) as f32;
         let file = Rc::clone(&frame.file);
         if scale == 1.0 {
-            return self.items(frame, &file.items, above);
+            return self.items(frame, &file.items, None, above);
         }
-        let ids = self.items(frame, &file.items, above + 1);
+        let ids = self.items(frame, &file.items, None, above + 1);
         let place = Place { file: file.source.file, line: 1, column: 1 };
         self.scaled(ids, scale, place, above).into_iter().collect()
     }

@@ -77,12 +77,9 @@ impl Resolver<'_> {
     /// gives units to a world and says nothing of prototypes that are used in another.)
     fn in_other_units(&mut self, id: NodeId, scale: f32, place: Place, above: u16) -> Option<NodeId> {
         let kind = self.node_of(id).kind;
-        // A directional light has a group to shine on, and no length but those of its shadow map.
-        let is_placed = kind.field("children").is_some()
-            || matches!(
-                kind.name,
-                "Shape" | "PointLight" | "SpotLight" | "Viewpoint" | "OrthoViewpoint" | "Inline" | "KambiInline" | "CADFace"
-            );
+        // Light from far away has a group to shine on, and no length but those of its shadow map.
+        let is_far_light = matches!(kind.name, "DirectionalLight" | "EnvironmentLight");
+        let is_placed = kind.field("children").is_some() || (kind.container == "children" && !is_far_light);
         match kind.container {
             _ if scale == 1.0 => Some(id),
             _ if is_placed => self.scaled(vec![id], scale, place, above),
@@ -191,20 +188,22 @@ impl Resolver<'_> {
                     return (argument, None);
                 }
                 // The value stands where it was written, from which addresses in it count, and not where it is handed on.
-                let given = around.filter(|a| a.value.is_some()).cloned();
-                let Argument { value, place, angle, .. } = given.unwrap_or_else(|| argument.clone());
+                // The prototype's own default is in its own units and stays as it is.
+                let Some(Argument { value: Some(value), place, angle, .. }) = around.cloned() else {
+                    return (argument, Some(name.clone()));
+                };
                 let value = match value {
-                    Some(Value::Nodes(ids)) => Some(self.handed_over(&ids, scale, place, above)),
+                    Value::Nodes(ids) => self.handed_over(&ids, scale, place, above),
                     other => other,
                 };
-                return (Argument { value, place, angle, ..argument }, Some(name.clone()));
+                return (Argument { value: Some(value), place, angle, ..argument }, Some(name.clone()));
             }
             _ if !argument.access.has_value() => {
                 self.warn(field.place, format!("{what} is an event and has no value; the value was skipped"));
                 None
             }
             Written::Nodes(nodes) if argument.ty.base == Base::Node => {
-                let mut ids = self.items(frame, nodes, above + 1);
+                let mut ids = self.items(frame, nodes, None, above + 1);
                 if !argument.ty.many && ids.len() > 1 {
                     self.warn(field.place, format!("{what} holds one node and was given {}; the last counts", ids.len()));
                     ids.drain(..ids.len() - 1);

@@ -18,16 +18,23 @@ use std::sync::Arc;
 type Children = Vec<(u16, Place, Vec<NodeId>)>;
 
 impl Resolver<'_> {
-    /// Walks items that stand for nodes, below `above` other nodes; returns the nodes.
-    pub(super) fn items(&mut self, frame: &mut Frame, items: &[Item], above: u16) -> Vec<NodeId> {
+    /// Walks items that stand for nodes, below `above` other nodes; returns the nodes, with an empty one of the type `stand_in`, if there is
+    /// such a type, in the place of each that was skipped.
+    pub(super) fn items(&mut self, frame: &mut Frame, items: &[Item], stand_in: Option<&str>, above: u16) -> Vec<NodeId> {
         let mut ids = vec![];
         for item in items {
             match item {
-                Item::Node(node) => ids.extend(self.node(frame, node, above)),
+                Item::Node(node) => ids.extend(self.node(frame, node, above).or_else(|| self.stand_in(node.place, stand_in?))),
                 other => self.statement(frame, other),
             }
         }
         ids
+    }
+
+    /// An empty node in the place of one that was skipped: a Switch that chooses its second child means that child also where the first is of
+    /// a type that nobody knows.
+    fn stand_in(&mut self, place: Place, name: &str) -> Option<NodeId> {
+        self.push(Node { kind: table::lookup(name)?, place, def: None, fields: vec![], height: 1 })
     }
 
     /// A statement in a file, in a body or among nodes.
@@ -191,7 +198,7 @@ impl Resolver<'_> {
         }
         match &item.written {
             Written::Nodes(items) if field.ty.base == Base::Node => {
-                let ids = self.items(frame, items, above + 1);
+                let ids = self.items(frame, items, field.stand_in, above + 1);
                 self.set_nodes(id, index, item.place, ids, above);
             }
             _ => {
@@ -219,7 +226,7 @@ impl Resolver<'_> {
 
     /// A child that says its field by `containerField`, or by its type.
     fn child(&mut self, frame: &mut Frame, parent: NodeId, item: &NodeItem, children: &mut Children, above: u16) {
-        let Some(id) = self.node(frame, item, above + 1) else { return };
+        let Some(id) = self.node(frame, item, above + 1).or_else(|| self.stand_in_of_child(frame, parent, item)) else { return };
         let parent_kind = self.node_of(parent).kind;
         let kind = self.node_of(id).kind;
         let container = item.container.as_deref().unwrap_or(kind.container);
@@ -240,5 +247,20 @@ impl Resolver<'_> {
                 self.warn(item.place, message);
             }
         }
+    }
+
+    /// What stands in for a child that was skipped. One that says no field, of a type that nobody knows, is taken to be of the list.
+    fn stand_in_of_child(&mut self, frame: &Frame, parent: NodeId, item: &NodeItem) -> Option<NodeId> {
+        let skipped = match item.usage.as_ref().map(|name| frame.names.get(name)) {
+            Some(Some(Target::Skipped(kind))) => *kind,
+            _ => table::lookup(&item.name),
+        };
+        let container = item.container.as_deref().or(skipped.map(|kind| kind.container));
+        let parent = self.node_of(parent).kind;
+        let field = match container {
+            Some(container) => parent.field(container)?.1,
+            None => parent.fields.iter().find(|field| field.stand_in.is_some())?,
+        };
+        self.stand_in(item.place, field.stand_in?)
     }
 }

@@ -75,7 +75,7 @@ impl Resolver<'_> {
             let value = field.value.as_ref().and_then(|value| {
                 let what = format!("the field `{}` of the prototype `{}`", shown(&field.name), shown(&item.name));
                 match &value.written {
-                    Written::Nodes(nodes) if field.ty.base == Base::Node => Some(Value::Nodes(self.items(frame, nodes, 1).into())),
+                    Written::Nodes(nodes) if field.ty.base == Base::Node => Some(Value::Nodes(self.items(frame, nodes, None, 1).into())),
                     Written::Is(_) => None,
                     _ => self.simple(frame, value, field.ty, false, &what),
                 }

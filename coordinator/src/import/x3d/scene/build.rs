@@ -18,6 +18,7 @@ use super::{
 use crate::import::{
     Bundle, NO_LIGHT,
     findings::{At, Findings},
+    images::Images,
     surfaces::{Look, Surfaces},
     x3d::{Document, NodeId},
 };
@@ -28,21 +29,22 @@ use kiln_proto::{
 };
 use std::{collections::BTreeMap, rc::Rc};
 
-/// The canonical scene of a document; `None` where there were errors.
+/// The canonical scene of a document, with its textures in `images`; `None` where there were errors.
 pub(in crate::import::x3d) fn build(
     bundle: &Bundle,
     document: &Document,
     options: &ImportOptions,
+    images: &mut Images,
     findings: &mut Findings,
 ) -> Option<Scene> {
     let world = World::of(document, findings);
-    let mut textures = Textures::new(bundle);
+    let mut textures = Textures::new(bundle, images);
     let mut lights = Lights::of(&world, options.light_units, findings);
     let mut reach = Reach::new(&world);
     reach.say_what_shines_on_nothing(findings);
     let mut shapes = form(&world, &mut textures, options, findings);
     receive(&mut shapes, &mut lights, &mut reach, options, findings)?;
-    let files = inlined::read(bundle, &world, options, findings);
+    let files = inlined::read(bundle, &world, options, textures.images, findings);
     let (casters, receivers) = boxes(&shapes, &files);
     let main = document.files().first().map_or("", |f| f.as_str());
     let cameras = cameras(&world, findings);
@@ -67,7 +69,6 @@ pub(in crate::import::x3d) fn build(
     let mut scene = Scene {
         positions: vec![],
         materials,
-        textures: textures.images.textures,
         lights: lights.lights,
         environment,
         projectors: std::mem::take(&mut projectors.list),

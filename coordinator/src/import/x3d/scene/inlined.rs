@@ -7,7 +7,7 @@ use super::{
     space,
     walk::{Placed, World},
 };
-use crate::import::{Bundle, BundlePath, findings::Findings, import_file, mesh, name::Names, surfaces::Surfaces};
+use crate::import::{Bundle, BundlePath, findings::Findings, images::Images, import_file, mesh, name::Names, surfaces::Surfaces};
 use glam::{DMat3, DMat4};
 use kiln_proto::{
     limits,
@@ -19,7 +19,7 @@ use std::{
     ops::Range,
 };
 
-/// The scenes of all inlined files with their places.
+/// The scenes of all inlined files, whose textures are those of the scene around them, with their places.
 pub(super) struct Files<'w, 'd> {
     scenes: Vec<Scene>,
     /// In the order of the walk: where, and the index of which scene.
@@ -27,13 +27,19 @@ pub(super) struct Files<'w, 'd> {
 }
 
 /// Reads the inlined files; nothing where all their places together are more than a scene may have, which is then an error.
-pub(super) fn read<'w, 'd>(bundle: &Bundle, world: &'w World<'d>, options: &ImportOptions, findings: &mut Findings) -> Files<'w, 'd> {
+pub(super) fn read<'w, 'd>(
+    bundle: &Bundle,
+    world: &'w World<'d>,
+    options: &ImportOptions,
+    images: &mut Images,
+    findings: &mut Findings,
+) -> Files<'w, 'd> {
     let mut files = Files { scenes: vec![], places: vec![] };
     let mut known: BTreeMap<&BundlePath, Option<usize>> = BTreeMap::new();
     let mut sums = [0usize; 3];
     for (placed, path) in &world.files {
         let index = *known.entry(path).or_insert_with(|| {
-            files.scenes.push(import_file(bundle, path, options, findings)?);
+            files.scenes.push(import_file(bundle, path, options, images, findings)?);
             Some(files.scenes.len() - 1)
         });
         let Some(index) = index else { continue };
@@ -86,16 +92,11 @@ impl<'w, 'd> Files<'w, 'd> {
     }
 }
 
-/// Adds a file's materials and textures; returns the index of its first material.
+/// Adds a file's materials, whose textures are the scene's already; returns the index of its first material.
 fn add_materials(file: &Scene, scene: &mut Scene) -> u32 {
-    let (materials, textures) = (scene.materials.len() as u32, scene.textures.len() as u32);
-    for material in &file.materials {
-        let mut material = material.clone();
-        material.textures_mut().for_each(|t| t.texture += textures);
-        scene.materials.push(material);
-    }
-    scene.textures.extend_from_slice(&file.textures);
-    materials
+    let first = scene.materials.len() as u32;
+    scene.materials.extend_from_slice(&file.materials);
+    first
 }
 
 /// A file at one of its places.

@@ -76,7 +76,8 @@ impl Maker<'_, '_> {
 
     fn viewpoint(&self, node: NodeRef<'_>, name: String, findings: &mut Findings) -> Option<Projector> {
         let alone = Placed { node, matrix: DMat4::IDENTITY, group: 0, name: None };
-        let placed = self.world.viewpoints.iter().find(|p| p.node.id() == node.id()).unwrap_or(&alone);
+        let among_cameras = self.world.viewpoints.iter().find(|p| p.node.id() == node.id());
+        let placed = among_cameras.or_else(|| self.world.further_viewpoints.get(&node.id())).unwrap_or(&alone);
         let camera = view::camera(placed, name.clone(), findings)?;
         let is_bound = self.cameras.first().is_some_and(|(id, _)| *id == node.id());
         let rays = Rays::Along(space::wide(camera.eye), space::wide(camera.forward));

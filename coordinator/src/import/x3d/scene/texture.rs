@@ -58,7 +58,7 @@ type Found = Option<(Image, TextureRef)>;
 /// The textures of a document. What has been looked at is remembered, so that a fault is told once however many shapes share the node.
 pub(super) struct Textures<'b, 'd> {
     bundle: &'b Bundle,
-    pub(super) images: Images,
+    pub(super) images: &'b mut Images,
     pixels: BTreeMap<(NodeId, bool), Option<Image>>,
     /// By texture, transform and whether its bytes are linear.
     known: BTreeMap<(NodeId, Option<NodeId>, bool), Found>,
@@ -67,8 +67,8 @@ pub(super) struct Textures<'b, 'd> {
 }
 
 impl<'b, 'd> Textures<'b, 'd> {
-    pub(super) fn new(bundle: &'b Bundle) -> Self {
-        Self { bundle, images: Images::default(), pixels: BTreeMap::new(), known: BTreeMap::new(), sheaves: BTreeMap::new() }
+    pub(super) fn new(bundle: &'b Bundle, images: &'b mut Images) -> Self {
+        Self { bundle, images, pixels: BTreeMap::new(), known: BTreeMap::new(), sheaves: BTreeMap::new() }
     }
 
     /// The stack of an appearance's `texture` field.

@@ -7,10 +7,11 @@ use super::space;
 use crate::import::{
     BundlePath,
     findings::Findings,
-    x3d::{Document, Inlined, NodeRef},
+    x3d::{Document, Inlined, NodeId, NodeRef},
 };
 use glam::DMat4;
 use kiln_proto::limits;
+use std::collections::BTreeMap;
 
 /// A group instance, counted in the order of the walk.
 pub(super) type Group = u32;
@@ -36,6 +37,8 @@ pub(super) struct World<'d> {
     /// EnvironmentLight nodes.
     pub(super) environments: Vec<Placed<'d>>,
     pub(super) viewpoints: Vec<Placed<'d>>,
+    /// Viewpoints beyond those that become cameras, which may still project textures: each at its first place.
+    pub(super) further_viewpoints: BTreeMap<NodeId, Placed<'d>>,
     /// Files of other formats with their places.
     pub(super) files: Vec<(Placed<'d>, BundlePath)>,
     /// NavigationInfo, Background and Fog nodes, of which the first counts.
@@ -107,6 +110,7 @@ impl<'d> Walk<'d, '_> {
             "EnvironmentLight" => world.environments.push(placed()),
             "Viewpoint" | "OrthoViewpoint" if world.viewpoints.len() >= MAX_VIEWPOINTS => {
                 self.findings.count(node.at(), "viewpoints beyond the first thousand were left out");
+                world.further_viewpoints.entry(node.id()).or_insert_with(placed);
             }
             "Viewpoint" | "OrthoViewpoint" => world.viewpoints.push(placed()),
             "NavigationInfo" | "KambiNavigationInfo" | "Background" | "TextureBackground" | "Fog" | "LocalFog" => {

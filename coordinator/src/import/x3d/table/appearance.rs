@@ -93,7 +93,7 @@ MultiTexture in texture : Texture
   MFString   [in,out] function []
   MFString   [in,out] mode []
   MFString   [in,out] source []
-  MFNode     [in,out] texture []
+  MFNode     [in,out] texture [] else PixelTexture
 abstract CubeMap : Texture
   SFNode     [] textureProperties NULL
 ComposedCubeMapTexture in texture : CubeMap
@@ -142,7 +142,7 @@ TextureTransform3D in textureTransform : Node Mapping
 TextureTransformMatrix3D in textureTransform : Node Mapping
   SFMatrix4f [in,out] matrix 1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1
 MultiTextureTransform in textureTransform : Node
-  MFNode     [in,out] textureTransform []
+  MFNode     [in,out] textureTransform [] else TextureTransform
 TextureCoordinate in texCoord : Node Mapping
   MFVec2f    [in,out] point []
 TextureCoordinate3D in texCoord : Node Mapping
@@ -154,9 +154,9 @@ TextureCoordinateGenerator in texCoord : Node Mapping
   MFFloat    [in,out] parameter []
   SFNode     [in,out] projectedLight NULL
 MultiTextureCoordinate in texCoord : Node
-  MFNode     [in,out] texCoord []
+  MFNode     [in,out] texCoord [] else TextureCoordinate
 MultiGeneratedTextureCoordinate in texCoord : Node
-  MFNode     [in,out] texCoord []
+  MFNode     [in,out] texCoord [] else TextureCoordinate
 ProjectedTextureCoordinate in texCoord : Node Mapping
   SFNode     [in,out] projector NULL
 

@@ -39,7 +39,7 @@ MatrixTransform in children : Grouping
 Switch in children : Child Bounded
   MFNode     [in] addChildren
   MFNode     [in] removeChildren
-  MFNode     [in,out] children|choice []
+  MFNode     [in,out] children|choice [] else WorldInfo
   SFInt32    [in,out] whichChoice -1
 LOD in children : Child Bounded
   MFNode     [in] addChildren
@@ -66,13 +66,14 @@ KambiInline in children : Child Bounded Address
   MFNode     [in,out] replaceNodes []
 LayerSet in children : Child
   SFInt32    [in,out] activeLayer 0
-  MFNode     [in,out] layers []
+  MFNode     [in,out] layers [] else Layer
   MFInt32    [in,out] order 0
 Layer in layers : Grouping
   MFString   [in,out] objectType "ALL"
   SFBool     [in,out] pickable|isPickable TRUE
   SFNode     [in,out] viewport NULL
 CADLayer in children : Grouping
+  MFNode     [in,out] children [] else WorldInfo
   SFString   [in,out] name
   MFBool     [in,out] visible TRUE
 CADAssembly in children : Grouping

@@ -25,6 +25,18 @@ fn default_containers_exist() {
     }
 }
 
+/// What stands in for a skipped node is empty and may stand there.
+#[test]
+fn stand_ins_fit() {
+    let types = read(&PARTS).unwrap();
+    let fields: Vec<_> = types.values().flat_map(|n| &n.fields).filter_map(|f| Some((f.name, f.ty, f.stand_in?))).collect();
+    assert_eq!(fields.len(), 7, "{fields:?}");
+    for (name, ty, stand_in) in fields {
+        let kind = &types[stand_in];
+        assert!(ty.many && !kind.skipped && kind.container == name, "{stand_in} in {name}");
+    }
+}
+
 #[test]
 fn lines_that_say_nothing_are_found() {
     for bad in

@@ -163,6 +163,24 @@ Cell { inside Transform { translation 3 0 0 } cut 0.5 } Cell { } Sun { } Shape {
     assert_eq!(document.node(parts(plain)[1]).float("cutOffAngle"), 0.5, "written in the library's unit: 2 x 0.25");
 }
 
+/// A default of a library stands in the library's units, also where the field is IS one that has no value; a humanoid is scaled like a group.
+#[test]
+fn defaults_and_humanoids_of_a_library_keep_its_units() {
+    let library = "#X3D V3.3 utf8\nUNIT length mm 0.001
+PROTO L [ inputOutput MFNode kids [ Shape { } ] ] { Group { children IS kids } }
+PROTO Body [ ] { HAnimHumanoid { } }
+PROTO Sun [ ] { EnvironmentLight { } }";
+    let main =
+        "#X3D V3.3 utf8\nEXTERNPROTO L [ inputOutput MFNode kids ] \"l#L\" EXTERNPROTO Body [ ] \"l#Body\" EXTERNPROTO Sun [ ] \"l#Sun\"
+PROTO Q [ inputOnly MFNode add ] { L { kids IS add } }
+Q { } Body { } Sun { }";
+    let document = outcome_of(&[("a", main.as_bytes()), ("l", library.as_bytes())], None).clean();
+    let [first, body, sun] = roots(&document)[..] else { panic!() };
+    assert_eq!((first.vec3("scale"), body.vec3("scale"), sun.kind()), ([0.001; 3], [0.001; 3], "EnvironmentLight"));
+    assert_eq!(body.node("children").unwrap().kind(), "HAnimHumanoid");
+    assert_eq!(first.node("children").unwrap().node("children").unwrap().kind(), "Shape");
+}
+
 #[test]
 fn names_of_an_inlined_file_are_imported_where_it_exports_them() {
     let inner = b"#X3D V3.0 utf8\nDEF Hidden Group { } DEF Open Transform { }\nEXPORT Open AS Door\nEXPORT Nobody";

@@ -2,7 +2,7 @@
 
 use super::{Node, Value::*, *};
 use kiln_proto::{
-    scene::{AlphaMode, Lobe, Phong, Reflection},
+    scene::{AlphaMode, LayerMode, Lobe, Phong, Reflection},
     units::Rgb,
 };
 
@@ -161,4 +161,37 @@ fn a_headlight_is_missed_where_nothing_else_lights_the_scene() {
     let off = node("NavigationInfo", [("headlight", One("FALSE"))]);
     assert!(!said(&[off, shape(vec![])], &default, "headlight"));
     assert!(!said(&[bone()], &default, "headlight"), "what is unlit needs none");
+}
+
+/// What nobody here can bake still counts where other fields name children by their places.
+#[test]
+fn what_is_skipped_keeps_its_place() {
+    let names = |root: Node| -> Vec<String> { scene_of(&[node("PointLight", []), root]).surfaces.iter().map(|s| s.name.clone()).collect() };
+    for skipped in ["GeoLocation", "Gizmo"] {
+        let children = Children(vec![node(skipped, []), bone().def("A"), bone().def("B")]);
+        assert_eq!(names(node("Switch", [("whichChoice", One("1")), ("children", children)])), ["A"], "{skipped}");
+    }
+    let layer = node("Layer", [("children", Children(vec![bone().def("A")]))]);
+    let set = node("LayerSet", [("layers", Children(vec![node("LayoutLayer", []), layer])), ("order", Many("0 2"))]);
+    assert_eq!(names(set), ["A"]);
+    let pixel = node("PixelTexture", [("image", One("1 1 3 0x808080"))]);
+    let textures = Children(vec![node("MovieTexture", []), pixel]);
+    let multi = node("MultiTexture", [("mode", Texts(&["ADD", "REPLACE"])), ("texture", textures)]);
+    let layers = phong(&shaded(vec![("material", Child(node("Material", []))), ("texture", Child(multi))])).layers.clone();
+    assert_eq!(layers.iter().map(|l| l.mode).collect::<Vec<_>>(), [LayerMode::Replace]);
+}
+
+/// XML says the field of a child by its type, also where the type is not known.
+#[test]
+fn what_is_skipped_keeps_its_place_in_xml() {
+    let shape = |name: &str| format!("<Shape DEF='{name}'><Box/></Shape>");
+    for skipped in ["<Gizmo/>", "<GeoLocation/>", "<Shape USE='Nobody'/>"] {
+        let text = format!(
+            "<X3D version='3.3'><Scene><PointLight/><Switch whichChoice='1'>{skipped}<MetadataString/>{}{}</Switch></Scene></X3D>",
+            shape("A"),
+            shape("B")
+        );
+        let scene = import("a.x3d", &text, &ImportOptions::default()).unwrap().0;
+        assert_eq!(scene.surfaces.iter().map(|s| s.name.as_str()).collect::<Vec<_>>(), ["A"], "{skipped}");
+    }
 }

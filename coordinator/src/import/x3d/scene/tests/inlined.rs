@@ -81,6 +81,34 @@ fn a_missing_picture_is_told_once_however_many_shapes_share_it() {
     }
 }
 
+/// A picture that several files use is in the scene once, beside those of each alone.
+#[test]
+fn inlined_files_share_their_pictures() {
+    let png = |pixel: [u8; 4]| STANDARD.decode(data_uri(pixel).rsplit(',').next().unwrap()).unwrap();
+    let (shared, own) = (png([1, 2, 3, 255]), png([9, 9, 9, 255]));
+    let object = |library: &str| format!("mtllib {library}\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl m\nf 1/1 2/1 3/1\n");
+    let main = "#X3D V3.3 utf8\nPointLight { } Inline { url \"a.obj\" } Inline { url \"b.obj\" } Inline { url \"c.obj\" }
+Shape { appearance Appearance { material Material { } texture ImageTexture { url \"shared.png\" } } geometry Box { } }";
+    let (a, b, c) = (object("a.mtl"), object("b.mtl"), object("c.mtl"));
+    let library = |picture: &str| format!("newmtl m\nKd 1 1 1\nmap_Kd {picture}\n");
+    let (of_shared, of_own) = (library("shared.png"), library("own.png"));
+    let files: [(&str, &[u8]); 9] = [
+        ("main.x3dv", main.as_bytes()),
+        ("a.obj", a.as_bytes()),
+        ("b.obj", b.as_bytes()),
+        ("c.obj", c.as_bytes()),
+        ("a.mtl", of_shared.as_bytes()),
+        ("b.mtl", of_own.as_bytes()),
+        ("c.mtl", of_shared.as_bytes()),
+        ("shared.png", &shared),
+        ("own.png", &own),
+    ];
+    let scene = import_files(&files, &ImportOptions::default()).unwrap().0;
+    assert_eq!(first_texels(&scene), [[1, 2, 3], [9, 9, 9]]);
+    let of_materials: Vec<u32> = scene.materials.iter().map(|m| m.textures().next().unwrap().texture).collect();
+    assert_eq!(of_materials, [0, 0, 1, 0]);
+}
+
 /// The author's tangents of an inlined file turn with it, and a mirror changes the sides of their bitangents.
 #[test]
 fn tangents_of_an_inlined_file_stand_as_it_stands() {

@@ -115,3 +115,18 @@ fn a_point_light_looks_nowhere_and_projects_nothing() {
         assert_eq!((scene.projectors.len(), phong.layers[0].texture.mapping), (0, Mapping::Uv { set: 0 }));
     }
 }
+
+/// A viewpoint that is one too many for a camera projects from its place all the same.
+#[test]
+fn viewpoints_beyond_the_cameras_project_from_where_they_stand() {
+    let views = "Viewpoint { } ".repeat(1000);
+    let text = format!(
+        "#X3D V3.3 utf8\nPointLight {{ }} {views}
+         Transform {{ translation 0 0 2 children DEF V Viewpoint {{ position 0 0 0 fieldOfView 1.5707963 }} }}
+         Shape {{ appearance Appearance {{ material Material {{ }} texture PixelTexture {{ image 1 1 1 0x80 }} }}
+           geometry IndexedFaceSet {{ coordIndex [ 0 1 2 3 -1 ] coord Coordinate {{ point [ -1 -1 0 1 -1 0 1 1 0 -1 1 0 ] }}
+             texCoord ProjectedTextureCoordinate {{ projector USE V }} }} }}"
+    );
+    let found = look_up(&import("a.x3dv", &text, &ImportOptions::default()).unwrap().0, [1.0, -1.0, 0.0]);
+    assert!((found[0] - 0.75).abs() < 1e-5 && (found[1] - 0.25).abs() < 1e-5, "{found:?}");
+}
