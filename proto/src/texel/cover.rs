@@ -169,15 +169,16 @@ mod tests {
                 .collect::<Vec<Corners>>()
         });
         // Long ones side by side, from a hair to some texels wide, of which many lie beside the texture.
-        let sheet = (corner(), prop::array::uniform2(-90.0f32..90.0), -5f32..0.5, 0usize..80).prop_map(|(from, along, exponent, count)| {
-            let (step, at) = (10.0f32.powi(exponent as i32), |k: usize, end: [f32; 2], step: f32| [end[0] + k as f32 * step, end[1]]);
-            let far = [from[0] + along[0], from[1] + along[1]];
-            let pair = |k: usize| {
-                let [a, b, c, d] = [at(k, from, step), at(k, far, step), at(k + 1, far, step), at(k + 1, from, step)];
-                [[a, b, c], [a, d, c]]
-            };
-            (0..count).flat_map(pair).collect::<Vec<Corners>>()
-        });
+        let sheet = (corner(), prop::array::uniform2(-90.0f32..90.0), prop::sample::select(vec![1e-4f32, 1e-2, 0.1, 0.7, 3.0]), 0usize..80)
+            .prop_map(|(from, along, step, count)| {
+                let at = |k: usize, end: [f32; 2]| [end[0] + k as f32 * step, end[1]];
+                let far = [from[0] + along[0], from[1] + along[1]];
+                let pair = |k: usize| {
+                    let [a, b, c, d] = [at(k, from), at(k, far), at(k + 1, far), at(k + 1, from)];
+                    [[a, b, c], [a, d, c]]
+                };
+                (0..count).flat_map(pair).collect::<Vec<Corners>>()
+            });
         (dense, large, prop::collection::vec(sliver, 0..6), sheet).prop_map(|(a, b, c, d)| [a, b, c, d].concat())
     }
 
