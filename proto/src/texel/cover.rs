@@ -168,7 +168,18 @@ mod tests {
                 })
                 .collect::<Vec<Corners>>()
         });
-        (dense, large, prop::collection::vec(sliver, 0..6)).prop_map(|(a, b, c)| [a, b, c].concat())
+        // Long ones side by side, from a hair to some texels wide, of which many lie beside the texture.
+        let sheet = (corner(), prop::array::uniform2(-90.0f32..90.0), prop::sample::select(vec![1e-4f32, 1e-2, 0.1, 0.7, 3.0]), 0usize..80)
+            .prop_map(|(from, along, step, count)| {
+                let at = |k: usize, end: [f32; 2]| [end[0] + k as f32 * step, end[1]];
+                let far = [from[0] + along[0], from[1] + along[1]];
+                let pair = |k: usize| {
+                    let [a, b, c, d] = [at(k, from), at(k, far), at(k + 1, far), at(k + 1, from)];
+                    [[a, b, c], [a, d, c]]
+                };
+                (0..count).flat_map(pair).collect::<Vec<Corners>>()
+            });
+        (dense, large, prop::collection::vec(sliver, 0..6), sheet).prop_map(|(a, b, c, d)| [a, b, c, d].concat())
     }
 
     proptest! {
@@ -185,16 +196,24 @@ mod tests {
                 let texel = raster.texel(x, y);
                 prop_assert_eq!(texel.as_ref().map(|t| t.triangle), owners[(y * width + x) as usize]);
                 let (low, high) = (DVec2::new(f64::from(x), f64::from(y)), DVec2::new(f64::from(x) + 1.0, f64::from(y) + 1.0));
-                let meets = |f: &Flat, by: f64| f.inverse.is_some() && f.low.cmplt(high + by).all() && f.high.cmpgt(low - by).all();
-                let met = |by: f64| raster.flats.iter().enumerate().filter(move |(_, f)| meets(f, by)).map(|(t, _)| t as u32);
+                let all = || raster.flats.iter().enumerate().filter(|(_, f)| f.inverse.is_some());
+                let boxed = |f: &Flat| f.low.cmplt(high).all() && f.high.cmpgt(low).all();
                 if let Some(texel) = texel {
                     let side = |t: u32| raster.frames.geometric_normal(t).map(|n| n.z > 0.0);
                     let joins = |t: &u32| *t != texel.triangle && side(*t) == Some(texel.frame.normal.z > 0.0);
-                    let near: Vec<u32> = std::iter::once(texel.triangle).chain(met(0.0).filter(joins)).collect();
-                    prop_assert_eq!(&texel.near, &near);
+                    let met = all().filter(|(_, f)| boxed(f) && f.meets(low, high)).map(|(t, _)| t as u32).filter(joins);
+                    prop_assert_eq!(&texel.near, &std::iter::once(texel.triangle).chain(met).collect::<Vec<u32>>());
+                    // None that holds a point of the square is left out.
+                    for (dx, dy) in (0..16).map(|k| ((k % 4) as f32 / 3.01, (k / 4) as f32 / 3.01)) {
+                        let at = low + DVec2::new(f64::from(dx), f64::from(dy));
+                        let joined = all().filter(|(t, f)| boxed(f) && joins(&(*t as u32))).map(|(t, _)| t as u32);
+                        let first = std::iter::once(texel.triangle).chain(joined).find(|t| raster.flats[*t as usize].inside(at).is_some());
+                        prop_assert_eq!(raster.footprint(&texel, dx, dy).map(|p| p.triangle), first);
+                    }
                 }
                 let around: std::collections::BTreeSet<u32> = raster.bins.around(x, y, 4).collect();
-                prop_assert!(met(4.0).all(|t| around.contains(&t)));
+                let within = |f: &Flat| f.nearest_within((low - 4.0, high + 4.0), low + 0.5).is_some();
+                prop_assert!(all().filter(|(_, f)| within(f)).all(|(t, _)| around.contains(&(t as u32))));
             }
             prop_assert_eq!(rows(&raster), expected);
         }

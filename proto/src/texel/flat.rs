@@ -7,6 +7,8 @@ pub(super) const EDGE: f64 = 1e-9;
 /// What counts as nothing, in texels: texture coordinates are f32, so that edges that should coincide may differ by half of it in the largest
 /// texture. Inside tests of slivers, which round worse, end that far beyond their boxes.
 pub(super) const SLACK: f64 = 1e-3;
+/// Bound of what an inside test's cross products may be wrong by, of the squared length of the triangle's edges: 90 roundings of f64.
+const ROUNDING: f64 = 1e-14;
 
 /// A triangle in texel coordinates, with the inverse of its edge matrix.
 pub(super) struct Flat {
@@ -21,7 +23,7 @@ impl Flat {
     pub(super) fn new(uv: [[f32; 2]; 3], width: f64, height: f64) -> Self {
         let p = uv.map(|[u, v]| DVec2::new(f64::from(u) * width, f64::from(v) * height));
         let (e1, e2) = (p[1] - p[0], p[2] - p[0]);
-        let det = e1.x * e2.y - e2.x * e1.y;
+        let det = e1.perp_dot(e2);
         let inverse = (det.abs() > 1e-12).then(|| [DVec2::new(e2.y, -e2.x) / det, DVec2::new(-e1.y, e1.x) / det]);
         Self { corners: p, inverse, low: p[0].min(p[1]).min(p[2]), high: p[0].max(p[1]).max(p[2]) }
     }
@@ -39,6 +41,39 @@ impl Flat {
             return None;
         }
         self.bary(at).filter(|b| b.x >= -EDGE && b.y >= -EDGE && b.x + b.y <= 1.0 + EDGE)
+    }
+
+    /// Between which x the triangle may lie in the band `low <= y < high`; `None` where it does not reach into it. No point that
+    /// [`Self::inside`] accepts and no part of the triangle lies beside; what it has too much of is [`SLACK`] beyond each edge, and beyond tips.
+    pub(super) fn extent(&self, low: f64, high: f64) -> Option<(f64, f64)> {
+        let (bottom, top) = (low.max(self.low.y - SLACK), high.min(self.high.y + SLACK));
+        if bottom >= high || top < low {
+            return None;
+        }
+        let (e1, e2) = (self.corners[1] - self.corners[0], self.corners[2] - self.corners[0]);
+        // Its sign, rounded as for the inside test, tells on which side of its edges that has points.
+        let (det, size) = (e1.perp_dot(e2), e1.length() + e2.length());
+        let (mut left, mut right) = (self.low.x - SLACK, self.high.x + SLACK);
+        for k in 0..3 {
+            let from = self.corners[k];
+            let edge = (self.corners[(k + 1) % 3] - from) * det.signum();
+            let slack = SLACK * edge.length() + EDGE * det.abs() + ROUNDING * size * size;
+            // Inside is where edge x (p - from) >= -slack: edge.y (x - from.x) <= most at the band's better border.
+            let most = (edge.x * (bottom - from.y)).max(edge.x * (top - from.y)) + slack;
+            if edge.y > 0.0 {
+                right = right.min(from.x + most / edge.y);
+            } else if edge.y < 0.0 {
+                left = left.max(from.x + most / edge.y);
+            } else if most < 0.0 {
+                return None;
+            }
+        }
+        (left <= right).then_some((left, right))
+    }
+
+    /// Whether the triangle may reach into a box, by the same measure.
+    pub(super) fn meets(&self, low: DVec2, high: DVec2) -> bool {
+        self.extent(low.y, high.y).is_some_and(|(left, right)| left < high.x && right >= low.x)
     }
 
     /// The point of the triangle within a box that is nearest to `to`, a point of the box outside of the triangle; `None` where the triangle

@@ -21,7 +21,7 @@ use std::collections::HashMap;
 const COPLANAR: f32 = 0.999_9;
 /// Texels from a gutter texel within which the nearest edge of its chart's border lies: its source shows a point of the chart, at most half
 /// a texel's diagonal from its own centre, and a border lies before that.
-const BORDER: u32 = 2 * GUTTER as u32;
+pub(super) const BORDER: u32 = 2 * GUTTER as u32;
 
 /// One surface's triangles laid out in its texture, binned by tile.
 pub struct SurfaceRaster {
@@ -90,17 +90,10 @@ impl SurfaceRaster {
     #[must_use]
     pub fn texel(&self, x: u32, y: u32) -> Option<Texel> {
         let (triangle, bary) = self.owner(x, y)?;
-        let (frame, normal) = (self.frames.at(triangle, bary.to_array())?, self.frames.geometric_normal(triangle)?);
+        let frame = self.frames.at(triangle, bary.to_array())?;
         let (low, high) = (DVec2::new(f64::from(x), f64::from(y)), DVec2::new(f64::from(x) + 1.0, f64::from(y) + 1.0));
-        let joins = |t: u32| {
-            let flat = &self.flats[t as usize];
-            t != triangle
-                && self.charts[t as usize] == self.charts[triangle as usize]
-                && flat.low.cmplt(high).all()
-                && flat.high.cmpgt(low).all()
-                && self.frames.geometric_normal(t).is_some_and(|o| o.dot(normal) > COPLANAR || self.is_smooth_between(t, triangle))
-        };
-        let near = std::iter::once(triangle).chain(self.bins.at(x, y).iter().copied().filter(|t| joins(*t))).collect();
+        let joins = |t: &u32| self.flats[*t as usize].meets(low, high) && self.joins(*t, triangle, low);
+        let near = std::iter::once(triangle).chain(self.bins.at(x, y).iter().copied().filter(joins)).collect();
         Some(Texel { x, y, triangle, position: self.position(triangle, bary), frame, bary, start: triangle, near })
     }
 
@@ -137,7 +130,9 @@ impl SurfaceRaster {
     /// chart's is carried over.
     #[must_use]
     pub fn frame_within(&self, texel: &Texel, point: &SurfacePoint) -> Option<Frame> {
-        if !texel.near.contains(&point.triangle) {
+        let low = DVec2::new(f64::from(texel.x), f64::from(texel.y));
+        let is_own = point.triangle == texel.triangle || self.joins(point.triangle, texel.triangle, low);
+        if texel.near.is_empty() || !is_own {
             return Some(self.turned(self.frame(point)?.normal, texel.frame.tangent));
         }
         if self.frames.is_smooth() { self.frame(point) } else { None }
@@ -176,6 +171,18 @@ impl SurfaceRaster {
     #[must_use]
     pub fn centre(&self, texel: &Texel) -> SurfacePoint {
         self.point(texel.triangle, texel.bary)
+    }
+
+    /// Whether a triangle whose box meets the square at `low` goes on from `triangle` on the same chart.
+    fn joins(&self, t: u32, triangle: u32, low: DVec2) -> bool {
+        let flat = &self.flats[t as usize];
+        let goes_on = |own: Vec3, other: Vec3| own.dot(other) > COPLANAR || self.is_smooth_between(t, triangle);
+        t != triangle
+            && flat.inverse.is_some()
+            && self.charts[t as usize] == self.charts[triangle as usize]
+            && flat.low.cmplt(low + 1.0).all()
+            && flat.high.cmpgt(low).all()
+            && self.frames.geometric_normal(triangle).zip(self.frames.geometric_normal(t)).is_some_and(|(own, other)| goes_on(own, other))
     }
 
     fn is_smooth_between(&self, a: u32, b: u32) -> bool {
