@@ -144,18 +144,7 @@ impl FromStr for SphericalGrid {
     }
 }
 
-impl TryFrom<String> for SphericalGrid {
-    type Error = BadGrid;
-    fn try_from(text: String) -> Result<Self, BadGrid> {
-        text.parse()
-    }
-}
-
-impl From<SphericalGrid> for String {
-    fn from(grid: SphericalGrid) -> String {
-        grid.to_string()
-    }
-}
+crate::written_as_text!(SphericalGrid);
 
 /// The order in which `pwl` walks a texel's directions; the files still name each sample by its depth.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]

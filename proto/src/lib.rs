@@ -22,10 +22,11 @@ pub mod segment;
 pub mod sets;
 pub mod settings;
 pub mod texel;
+mod text;
 pub mod tile;
 pub mod units;
 pub mod wire;
 
 /// A number that changes whenever baked bytes may change. A job pins the version it was created with and is leased only to workers of the
 /// same version, so that the segments of one package never mix two generations of the estimator or the codec.
-pub const BAKE_VERSION: u32 = 2;
+pub const BAKE_VERSION: u32 = 3;

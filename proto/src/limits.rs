@@ -20,9 +20,9 @@ pub const LIGHTS: usize = 16_384;
 pub const UV_SETS: usize = 8;
 /// Pixels of an environment map.
 pub const ENVIRONMENT_PIXELS: u64 = 16_384 * 8_192;
-/// The largest number of an emission or environment, W/(sr m²), of a light's intensity, W/sr or W/m², of its ambient term, and of the factor on
-/// an environment: as radiance a million times that of the sun. The product of two of them, summed over all that a scene may have, is
-/// still a number in f32.
+/// The largest number of an emission or environment, W/(sr m²), of a light's intensity, W/sr or W/m², of its ambient term, and of the
+/// factor on an environment: as radiance a million times that of the sun. The product of two of them, summed over all that a scene may
+/// have, is still a number in f32.
 pub const BRIGHTEST: f32 = 1e13;
 /// Bytes of a name (surface, material, label).
 pub const NAME_BYTES: usize = 1_024;

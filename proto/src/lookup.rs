@@ -1,10 +1,10 @@
 //! `lfRadiance(uv, w)`: the light field at one point toward one viewer, the contract that the shaders are held to.
 //!
 //! Four texels around the point times four grid directions around the view. Each of the 16 values is decoded exactly and taken to linear
-//! radiance before it is weighted: a mean of sRGB bytes would darken every edge between light and shade. Texels that hold no samples take no
-//! part, and the weights of the others are divided by their sum, so that what lies beside a chart never darkens its border. Nearest texels
-//! and directions would cost a sixteenth and show the grid. The parts are public beside the whole ([`radiance`]), because a renderer of
-//! pictures goes through a package texel by texel, not pixel by pixel.
+//! radiance before it is weighted: a mean of sRGB bytes would darken every edge between light and shade. Texels that hold no samples take
+//! no part, and the weights of the others are divided by their sum, so that what lies beside a chart never darkens its border. Nearest
+//! texels and directions would cost a sixteenth and show the grid. The parts are public beside the whole ([`radiance`]), because a renderer
+//! of pictures goes through a package texel by texel, not pixel by pixel.
 
 use crate::{
     grid::{SphericalGrid, Stencil},
@@ -34,8 +34,8 @@ pub fn footprint(uv: [f32; 2], size: TextureSize) -> Footprint {
 }
 
 /// The grid directions around a unit direction in the surface's frame at the point that is looked at
-/// ([`SurfaceFrames`](crate::frame::SurfaceFrames)). A view below its horizon is taken along it: on a flat triangle's front that is rounding,
-/// on a smooth surface the silhouette, whose interpolated normals turn away from the eye before its triangles do.
+/// ([`SurfaceFrames`](crate::frame::SurfaceFrames)). A view below its horizon is taken along it: on a flat triangle's front that is
+/// rounding, on a smooth surface the silhouette, whose interpolated normals turn away from the eye before its triangles do.
 #[must_use]
 pub fn stencil(grid: SphericalGrid, toward: Vec3) -> Stencil {
     grid.stencil(toward.with_z(toward.z.max(0.0)))
@@ -68,8 +68,8 @@ impl Blend {
     }
 }
 
-/// The radiance at `uv` toward `view`, W/(sr m²), or `None` where the light field has nothing. `sample` gives the linear radiance of a texel
-/// at a depth, `None` for a texel that holds no samples.
+/// The radiance at `uv` toward `view`, W/(sr m²), or `None` where the light field has nothing. `sample` gives the linear radiance of a
+/// texel at a depth, `None` for a texel that holds no samples.
 #[must_use]
 pub fn radiance(
     uv: [f32; 2],

@@ -1,5 +1,5 @@
-//! Import options: what a request may say of how a scene file is to be read. They act before the canonical scene exists, so a scene imported
-//! with other options is another scene with another address. Every field is optional; unknown ones are refused by name.
+//! Import options: what a request may say of how a scene file is to be read. They act before the canonical scene exists, so a scene
+//! imported with other options is another scene with another address. Every field is optional; unknown ones are refused by name.
 
 use crate::limits;
 use serde::{Deserialize, Serialize};
@@ -36,7 +36,8 @@ pub struct ImportOptions {
     pub x3d_outside_map: OutsideMap,
 }
 
-/// The axis of a scene file that points up: it becomes +Y. glTF and X3D say that it is +Y, which not all of their files heed; OBJ says nothing.
+/// The axis of a scene file that points up: it becomes +Y. glTF and X3D say that it is +Y, which not all of their files heed; OBJ says
+/// nothing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum UpAxis {

@@ -1,16 +1,16 @@
 //! From texels to points: which texels of a surface's texture its charts cover, where they lie in the world, and whose light a gutter
 //! texel borrows.
 //!
-//! A texel is *covered* when its centre lies on a triangle (the lowest-numbered one where edges touch). The tips of narrow charts may pass between
-//! all centres: a texel whose square meets a triangle, and that has no centre on one among the texels within its gutter's reach, is covered too, and
-//! shows the point of its square on a triangle that is nearest to its centre. So around each point of a chart lies a texel that
-//! holds light. An uncovered texel within two texels of a covered one is *gutter* and takes the row of the nearest covered texel, ties to the
-//! lowest row, then column. All of it follows from the plan alone, so coordinator, worker and package reader agree without sending masks
-//! about. Coordinates are f64 here: a texel centre on a shared edge must fall on the same side on every machine. The alternative,
+//! A texel is *covered* when its centre lies on a triangle (the lowest-numbered one where edges touch). The tips of narrow charts may pass
+//! between all centres: a texel whose square meets a triangle, and that has no centre on one among the texels within its gutter's reach, is
+//! covered too, and shows the point of its square on a triangle that is nearest to its centre. So around each point of a chart lies a texel
+//! that holds light. An uncovered texel within two texels of a covered one is *gutter* and takes the row of the nearest covered texel, ties
+//! to the lowest row, then column. All of it follows from the plan alone, so coordinator, worker and package reader agree without sending
+//! masks about. Coordinates are f64 here: a texel centre on a shared edge must fall on the same side on every machine. The alternative,
 //! conservative coverage of every texel that a chart touches, would capture half the gutter for what a border leaves of its texels.
 //!
-//! A raster that was told of its seams ([`SurfaceRaster::with_seams`]) lets texels reach over edges of charts behind which the surface goes on:
-//! the coordinator and readers, which only ask what is covered, do without.
+//! A raster that was told of its seams ([`SurfaceRaster::with_seams`]) lets texels reach over edges of charts behind which the surface goes
+//! on: the coordinator and readers, which only ask what is covered, do without.
 
 mod bins;
 mod cover;

@@ -1,11 +1,13 @@
 //! The local frame of a texel: which way "x" and "y" point on a surface, so that baker, decoder and shader agree on every direction.
 //!
 //! A flat chart has one frame: N the polygon's normal, T = dP/du made orthogonal to N, B = N x T. On a smooth surface both are interpolated
-//! ([`SurfaceFrames`]). Where texture coordinates are degenerate, and everywhere when `--frame thesis` is asked for, the frame is the rotation
-//! that carries +Y to N (thesis 5.1.2).
+//! ([`SurfaceFrames`]). Where texture coordinates are degenerate, and everywhere when `--frame thesis` is asked for, the frame is the
+//! rotation that carries +Y to N (thesis 5.1.2).
 
+mod lie;
 mod surface;
 
+pub use lie::Lie;
 pub use surface::{SurfaceFrames, corner_normals};
 
 use glam::{DVec3, Vec3};
@@ -62,8 +64,8 @@ impl Frame {
         Some(Self::from_axes(tangent / size, normal))
     }
 
-    /// The frame of a unit normal whose x axis is `tangent` (of about unit length) made orthogonal to it, or the thesis's where nothing is left
-    /// of the tangent.
+    /// The frame of a unit normal whose x axis is `tangent` (of about unit length) made orthogonal to it, or the thesis's where nothing is
+    /// left of the tangent.
     #[must_use]
     pub fn oriented(normal: DVec3, tangent: DVec3) -> Self {
         let across = tangent - normal * normal.dot(tangent);

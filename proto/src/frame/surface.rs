@@ -1,13 +1,13 @@
 //! The frames of a whole surface: one per triangle where it is flat in each, interpolated ones where it has vertex normals.
 //!
-//! A smooth surface has a normal and a tangent at every corner. The normal is the author's, or the triangle's own where the author's does not
-//! point to the front. The tangent is the sum of dP/du over the triangles that meet in this vertex of the texture (same chart, position and
-//! texture coordinates), each counted by its area, made orthogonal to the normal. Between the corners both are interpolated linearly and made
-//! orthogonal again, which is what a fragment shader does with vertex attributes: baker, decoder and page build the same frame at every point.
-//! A frame per triangle would cost a third of the memory and show every edge of a rounded body in its highlights. MikkTSpace's tangents weigh
-//! by angle and split vertices in ways of their own; nothing outside reads these frames, so the simpler sum does.
+//! A smooth surface has a normal and a tangent at every corner. The normal is the author's, or the triangle's own where the author's does
+//! not point to the front. The tangent is the sum of dP/du over the triangles that meet in this vertex of the texture (same chart, position
+//! and texture coordinates), each counted by its area, made orthogonal to the normal. Between the corners both are interpolated linearly
+//! and made orthogonal again, which is what a fragment shader does with vertex attributes: baker, decoder and page build the same frame at
+//! every point. A frame per triangle would cost a third of the memory and show every edge of a rounded body in its highlights. MikkTSpace's
+//! tangents weigh by angle and split vertices in ways of their own; nothing outside reads these frames, so the simpler sum does.
 
-use super::{Frame, FrameRule};
+use super::{Frame, FrameRule, Lie};
 use crate::{
     plan::SurfacePlan,
     scene::{Scene, Surface},
@@ -47,7 +47,8 @@ impl SurfaceFrames {
         Self { rule, flat, smooth }
     }
 
-    /// The frame at a point of a triangle, given by the barycentric weights of its second and third corner; `None` for a triangle without area.
+    /// The frame at a point of a triangle, given by the barycentric weights of its second and third corner; `None` for a triangle without
+    /// area.
     #[must_use]
     pub fn at(&self, triangle: u32, bary: [f64; 2]) -> Option<Frame> {
         let flat = self.flat[triangle as usize]?;
@@ -76,8 +77,8 @@ impl SurfaceFrames {
     }
 }
 
-/// The unit normals that are interpolated within a triangle: the author's, and the triangle's own where those do not point to its front. `None`
-/// where the surface has none, or the triangle no area. Every corner is on the front's side, and so is every normal between.
+/// The unit normals that are interpolated within a triangle: the author's, and the triangle's own where those do not point to its front.
+/// `None` where the surface has none, or the triangle no area. Every corner is on the front's side, and so is every normal between.
 #[must_use]
 pub fn corner_normals(scene: &Scene, surface: &Surface, triangle: usize) -> Option<[DVec3; 3]> {
     let authored = surface.normals.get(triangle)?;
@@ -100,8 +101,10 @@ fn smooth(scene: &Scene, surface: &Surface, plan: &SurfacePlan, flat: &[Option<F
     // Looked up, never iterated, and summed in the order of the triangles: hashing cannot matter.
     let mut tangents: HashMap<Vertex, DVec3> = HashMap::new();
     for t in 0..flat.len() {
-        let Some(along) = along_u(scene.corners(&surface.triangles[t]), plan.uv[t]) else { continue };
-        (0..3).for_each(|k| *tangents.entry(vertex(t, k)).or_default() += along);
+        let corners = scene.corners(&surface.triangles[t]);
+        let Some(lie) = Lie::of(corners, plan.uv[t].map(|uv| uv.map(f64::from))) else { continue };
+        let area = (corners[1] - corners[0]).cross(corners[2] - corners[0]).length();
+        (0..3).for_each(|k| *tangents.entry(vertex(t, k)).or_default() += lie.along_u * area);
     }
     let corners = |t: usize| {
         let own = flat[t].map_or(Vec3::Y, |f| f.normal).as_dvec3();
@@ -113,18 +116,6 @@ fn smooth(scene: &Scene, surface: &Surface, plan: &SurfacePlan, flat: &[Option<F
         Corners { normals: normals.map(|n| n.as_vec3()), tangents: std::array::from_fn(tangent) }
     };
     (0..flat.len()).map(corners).collect()
-}
-
-/// dP/du of a triangle, as long as twice its area; `None` where its texture coordinates or itself have none.
-fn along_u(corners: [DVec3; 3], uv: [[f32; 2]; 3]) -> Option<DVec3> {
-    let (e1, e2) = (corners[1] - corners[0], corners[2] - corners[0]);
-    let [a, b, c] = uv.map(|c| c.map(f64::from));
-    let (dv1, dv2) = (b[1] - a[1], c[1] - a[1]);
-    let det = (b[0] - a[0]) * dv2 - (c[0] - a[0]) * dv1;
-    let along = (e1 * dv2 - e2 * dv1) * det.signum();
-    let (size, area) = (along.length(), e1.cross(e2).length());
-    let usable = det != 0.0 && size > 1e-12 * (e1.length() + e2.length()) * (dv1.abs() + dv2.abs()) && area > 0.0;
-    usable.then(|| along * (area / size))
 }
 
 #[cfg(test)]

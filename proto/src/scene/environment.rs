@@ -1,7 +1,7 @@
 //! The environment: a lat-long map and what it is toward a direction, one look-up for worker and pictures.
 //!
-//! The map is bilinear between texel centres, wraps around and is constant beyond the centres of its first and last row, like a texture with
-//! linear filtering. Longitudes are f64: a map of 16,384 texels that was turned a thousand times still has its sun in one place.
+//! The map is bilinear between texel centres, wraps around and is constant beyond the centres of its first and last row, like a texture
+//! with linear filtering. Longitudes are f64: a map of 16,384 texels that was turned a thousand times still has its sun in one place.
 
 use crate::{math, units::Rgb};
 use glam::Vec3;
@@ -10,8 +10,8 @@ use std::f64::consts::PI;
 
 /// Light from infinitely far away, all around: a lat-long map of radiance, W/(sr m²).
 ///
-/// Direction (x, y, z) is looked up at u = 1/2 + atan2(z, x)/(2 pi), v = 1/2 + asin(y)/pi after a turn by `-rotation` about +Y; row 0 is v = 0,
-/// straight down. The middle of the picture is what lies toward +X.
+/// Direction (x, y, z) is looked up at u = 1/2 + atan2(z, x)/(2 pi), v = 1/2 + asin(y)/pi after a turn by `-rotation` about +Y; row 0 is v
+/// = 0, straight down. The middle of the picture is what lies toward +X.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Environment {
     /// The file it came from.

@@ -1,7 +1,7 @@
 //! Lights without area, the environment, cameras and projectors, with the shadow and projector fields of X3D (Kamburelis).
 //!
-//! Intensities are radiometric and linear. Photometric numbers of a format (glTF's candela and lux) are taken as they are, like the emission
-//! of its materials: a scene keeps its balance, and exposure does the rest.
+//! Intensities are radiometric and linear. Photometric numbers of a format (glTF's candela and lux) are taken as they are, like the
+//! emission of its materials: a scene keeps its balance, and exposure does the rest.
 
 use crate::units::Rgb;
 use serde::{Deserialize, Serialize};
@@ -17,7 +17,8 @@ pub struct Light {
     pub intensity: Rgb,
     /// How distance weakens point and spot lights.
     pub falloff: Falloff,
-    /// X3D's ambient term: added, times a material's ambient share and diffuse colour, to what a point that the light reaches reflects, W/(sr m²).
+    /// X3D's ambient term: added, times a material's ambient share and diffuse colour, to what a point that the light reaches reflects,
+    /// W/(sr m²).
     pub ambient: Rgb,
     /// Whether shapes throw its shadows on everything (X3D 4 `shadows`); acts with strict shadows only.
     pub casts_shadows: bool,
@@ -167,7 +168,8 @@ pub struct Projector {
     pub name: String,
     /// The light, where it is one: index into [`Scene::lights`](super::Scene::lights), unless that light does not shine.
     pub light: Option<u32>,
-    /// Rows of the matrix from world position (x, y, z, 1) to (s q, t q, r q, q): s, t in [0, 1] inside the frustum; points with q <= 0 are not reached.
+    /// Rows of the matrix from world position (x, y, z, 1) to (s q, t q, r q, q): s, t in [0, 1] inside the frustum; points with q <= 0 are
+    /// not reached.
     pub matrix: [[f32; 4]; 4],
 }
 

@@ -1,7 +1,8 @@
 //! Materials: how a surface reflects, emits and lets light through, with the textures that vary it.
 //!
-//! Two reflection models cover what scene formats mean: Phong's (MTL, X3D Material) and glTF's metallic-roughness. What a format says in other
-//! words is converted at import. One universal model with every parameter would make each consumer handle combinations that no file has.
+//! Two reflection models cover what scene formats mean: Phong's (MTL, X3D Material) and glTF's metallic-roughness. What a format says in
+//! other words is converted at import. One universal model with every parameter would make each consumer handle combinations that no file
+//! has.
 
 use crate::units::Rgb;
 use serde::{Deserialize, Serialize};
@@ -61,6 +62,18 @@ pub enum Lobe {
     },
     /// A delta lobe about the mirror direction.
     Mirror,
+}
+
+impl Lobe {
+    /// glTF's roughness of a lobe as wide: alpha² = 2/(n + 2) (Walter et al. 2007, section 5.2: the Beckmann and Phong distributions), and
+    /// alpha is the square of the roughness.
+    #[must_use]
+    pub fn roughness(self) -> f32 {
+        match self {
+            Self::Phong { exponent } => (2.0 / (exponent + 2.0)).sqrt().sqrt(),
+            Self::Mirror => 0.0,
+        }
+    }
 }
 
 /// glTF 2.0's metallic-roughness material with the extensions that are kept; names as there.

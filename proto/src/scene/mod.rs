@@ -5,8 +5,8 @@
 //! seen from their front, and only the front reflects or emits. Everything is in world space: instances, skins and animations are flattened
 //! at import, because every copy needs a light field of its own anyway.
 //!
-//! A surface is what owns a texture. It consists of parts with a material each: usually one, but many small objects may share the texture of
-//! one surface. What is seen from both sides is two surfaces, the second of which names the first ([`Surface::back_of`]).
+//! A surface is what owns a texture. It consists of parts with a material each: usually one, but many small objects may share the texture
+//! of one surface. What is seen from both sides is two surfaces, the second of which names the first ([`Surface::back_of`]).
 
 pub mod environment;
 mod light;
@@ -51,8 +51,8 @@ pub struct Scene {
     pub positions: Vec<[f32; 3]>,
     /// Unit vertex normals that [`Surface::normals`] refers to.
     pub normals: Vec<[f32; 3]>,
-    /// Unit vertex tangents that [`Surface::tangents`] refers to, and 1 or -1: the bitangent is that times normal x tangent. Zero, and 1,
-    /// stands for a corner without a tangent.
+    /// Unit vertex tangents that [`Surface::tangents`] refers to, and 1 or -1: the bitangent is that times normal x tangent. Zero,
+    /// with either side, stands for a corner without a tangent.
     pub tangents: Vec<[f32; 4]>,
     /// Linear vertex colours with opacity that [`Surface::colors`] refers to, [0, 1].
     pub colors: Vec<[f32; 4]>,
@@ -77,8 +77,8 @@ pub struct Scene {
 /// How X3D's shadow fields act in a bake.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct ShadowRules {
-    /// Strict: a light throws shadows only on parts whose `receive_shadows` names it, or where it [casts](Light::casts_shadows) them itself.
-    /// Otherwise every light throws shadows on everything.
+    /// Strict: a light throws shadows only on parts whose `receive_shadows` names it, or where it [casts](Light::casts_shadows) them
+    /// itself. Otherwise every light throws shadows on everything.
     pub strict: bool,
     /// Strict shadows only: points outside a light's shadow map are in shadow (Kamburelis 5.2) rather than lit.
     pub outside_is_shadowed: bool,
@@ -102,8 +102,8 @@ pub struct Surface {
     pub uv_sets: Vec<Vec<Option<[[f32; 2]; 3]>>>,
     /// Indices into [`Scene::normals`] of each triangle's corners; empty for a surface that is flat in each triangle.
     pub normals: Vec<[u32; 3]>,
-    /// Indices into [`Scene::tangents`] of each triangle's corners: what normal maps lie along. Empty where each triangle has the tangent of its
-    /// texture coordinates, as on surfaces that are flat in each.
+    /// Indices into [`Scene::tangents`] of each triangle's corners: what normal maps lie along. Empty where each triangle has the tangent
+    /// of its texture coordinates, as on surfaces that are flat in each.
     pub tangents: Vec<[u32; 3]>,
     /// Indices into [`Scene::colors`] of each triangle's corners; empty for a surface without vertex colours.
     pub colors: Vec<[u32; 3]>,

@@ -1,7 +1,7 @@
 //! What textures, vertex colours and opacities are at a point of a surface: one look-up for worker and preview.
 //!
-//! Bilinear in linear light, or nearest, v up. The bytes stay as they are coded and a table decodes them: a decoded copy would need four times
-//! the memory for a table look-up less. There are no mipmaps: the worker averages samples over the footprint of a texel anyway.
+//! Bilinear in linear light, or nearest, v up. The bytes stay as they are coded and a table decodes them: a decoded copy would need four
+//! times the memory for a table look-up less. There are no mipmaps: the worker averages samples over the footprint of a texel anyway.
 
 use super::{AlphaMode, Coding, LayerMode, Mapping, Opacity, Scene, Texture, TextureLayer, TextureRef, Wrap};
 use crate::{math, units::Rgb};
@@ -96,12 +96,20 @@ impl LayerMode {
 }
 
 impl TextureRef {
+    /// Where it looks up coordinates of its set: they are moved by its transform.
+    #[must_use]
+    #[inline]
+    pub fn moved(&self, uv: [f32; 2]) -> [f64; 2] {
+        let [u, v] = uv.map(f64::from);
+        self.transform.map(|row| f64::from(row[0]) * u + f64::from(row[1]) * v + f64::from(row[2]))
+    }
+
     /// The texel at coordinates before the transform: linear colour and opacity. Texel centres lie at half-integers, row 0 at v = 0.
     #[must_use]
     pub fn sample(&self, texture: &Texture, uv: [f32; 2]) -> [f32; 4] {
-        let along = |row: &[f32; 3]| f64::from(row[0]) * f64::from(uv[0]) + f64::from(row[1]) * f64::from(uv[1]) + f64::from(row[2]);
-        let x = Steps::new(along(&self.transform[0]), texture.width, self.wrap[0], self.nearest);
-        let y = Steps::new(along(&self.transform[1]), texture.height, self.wrap[1], self.nearest);
+        let [u, v] = self.moved(uv);
+        let x = Steps::new(u, texture.width, self.wrap[0], self.nearest);
+        let y = Steps::new(v, texture.height, self.wrap[1], self.nearest);
         let mix = |a: [f32; 4], b: [f32; 4], f: f32| std::array::from_fn(|k| a[k] * (1.0 - f) + b[k] * f);
         let row = |y: u32| {
             let low = texture.texel(x.low, y);

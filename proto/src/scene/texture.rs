@@ -37,8 +37,8 @@ impl Texture {
         if self.has_alpha { 4 } else { 3 }
     }
 
-    /// The least and the greatest linear value of a channel, 1 of an alpha that is not there; what is interpolated lies between. Cost: linear in
-    /// texels.
+    /// The least and the greatest linear value of a channel, 1 of an alpha that is not there; what is interpolated lies between. Cost:
+    /// linear in texels.
     #[must_use]
     pub fn range(&self, channel: usize) -> (f32, f32) {
         if channel >= self.channels() {

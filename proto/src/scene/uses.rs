@@ -2,10 +2,10 @@
 
 use super::{Material, Reflection, TextureLayer, TextureRef};
 
-impl Material {
-    /// Every texture it uses.
+impl Reflection {
+    /// Every texture that it uses.
     pub fn textures(&self) -> impl Iterator<Item = &TextureRef> {
-        let (layers, single): (&[TextureLayer], [Option<&TextureRef>; 4]) = match &self.reflection {
+        let (layers, single): (&[TextureLayer], [Option<&TextureRef>; 4]) = match self {
             Reflection::None => (&[], [None; 4]),
             Reflection::Phong(p) => (&p.layers, [p.specular_texture.as_ref(), None, None, None]),
             Reflection::MetallicRoughness(m) => {
@@ -13,9 +13,17 @@ impl Material {
                 (&m.layers, single.map(Option::as_ref))
             }
         };
-        let own = [self.emission_texture.as_ref(), self.opacity.texture.as_ref(), self.normal_map.as_ref().map(|n| &n.texture)];
-        layers.iter().map(|l| &l.texture).chain(single.into_iter().flatten()).chain(own.into_iter().flatten())
+        layers.iter().map(|l| &l.texture).chain(single.into_iter().flatten())
     }
+}
+
+impl Material {
+    /// Every texture it uses.
+    pub fn textures(&self) -> impl Iterator<Item = &TextureRef> {
+        let own = [self.emission_texture.as_ref(), self.opacity.texture.as_ref(), self.normal_map.as_ref().map(|n| &n.texture)];
+        self.reflection.textures().chain(own.into_iter().flatten())
+    }
+
     /// The same to be changed: a new field of a texture belongs into both.
     pub fn textures_mut(&mut self) -> impl Iterator<Item = &mut TextureRef> {
         let (layers, single): (&mut [TextureLayer], [Option<&mut TextureRef>; 4]) = match &mut self.reflection {

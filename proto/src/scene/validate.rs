@@ -56,6 +56,12 @@ pub enum InvalidScene {
         /// Where.
         owner: String,
     },
+    /// A tangent whose fourth number is not a side.
+    #[error("tangent {index} has a side other than 1 or -1")]
+    Side {
+        /// Which of the scene's tangents.
+        index: usize,
+    },
     /// Numbers that belong to triangles but are not one for each.
     #[error("surface `{name}` has {triangles} triangles but {found} {what}")]
     Count {
@@ -136,8 +142,11 @@ impl Scene {
                 return Err(InvalidScene::NotFinite { owner: format!("{what} {index}") });
             }
         }
-        if let Some(index) = self.tangents.iter().position(|t| !finite(&t[..3]) || t[3].abs() != 1.0) {
+        if let Some(index) = self.tangents.iter().position(|t| !finite(&t[..3])) {
             return Err(InvalidScene::NotFinite { owner: format!("tangent {index}") });
+        }
+        if let Some(index) = self.tangents.iter().position(|t| t[3].abs() != 1.0) {
+            return Err(InvalidScene::Side { index });
         }
         if let Some(index) = self.colors.iter().position(|c| !c.iter().all(|v| (0.0..=1.0).contains(v))) {
             return Err(InvalidScene::NotFinite { owner: format!("vertex colour {index}") });

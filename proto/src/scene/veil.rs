@@ -5,8 +5,8 @@
 use super::{Material, MetallicRoughness, Place, Reflection, Scene};
 use crate::units::Rgb;
 
-/// The least alpha of a lobe of facets; below it a surface is perfectly smooth. f32 directions cannot tell narrower lobes from one direction:
-/// they differ by a few 1e-7, and a lobe's width is about 2 alpha.
+/// The least alpha of a lobe of facets; below it a surface is perfectly smooth. f32 directions cannot tell narrower lobes from one
+/// direction: they differ by a few 1e-7, and a lobe's width is about 2 alpha.
 pub const LEAST_ALPHA: f32 = 1e-3;
 
 /// alpha of a perceptual roughness: its square, or 0 where that is below [`LEAST_ALPHA`].

@@ -57,15 +57,4 @@ impl FromStr for TextureSize {
     }
 }
 
-impl TryFrom<String> for TextureSize {
-    type Error = BadTextureSize;
-    fn try_from(text: String) -> Result<Self, BadTextureSize> {
-        text.parse()
-    }
-}
-
-impl From<TextureSize> for String {
-    fn from(size: TextureSize) -> String {
-        size.to_string()
-    }
-}
+crate::written_as_text!(TextureSize);

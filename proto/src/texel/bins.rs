@@ -1,10 +1,11 @@
 //! Which triangles lie where in the texture: a list for each cell, cut into finer ones where a mesh is dense.
 //!
-//! A cell is as wide as a tile, which suits meshes of the texture's density. Of a scan with a million triangles in a small texture each list
-//! would be walked for each of a thousand texels; there a cell is cut into 4, 16, … 1,024 blocks, the last of a texel each: the tiles of such a
-//! texture take milliseconds instead of 20 s. A grid as fine as a texel everywhere lost: most of it would be empty, and large triangles would
-//! stand in thousands of lists. Lists by the triangles' boxes lost too: that of a diagonal sliver meets half of all cells, and a sheet of a
-//! hundred thousand of them took gigabytes. A triangle stands where its edges leave a place for it, row by row ([`Flat::extent`]).
+//! A cell is as wide as a tile, which suits meshes of the texture's density. Of a scan with a million triangles in a small texture each
+//! list would be walked for each of a thousand texels; there a cell is cut into 4, 16, … 1,024 blocks, the last of a texel each: the tiles
+//! of such a texture take milliseconds instead of 20 s. A grid as fine as a texel everywhere lost: most of it would be empty, and large
+//! triangles would stand in thousands of lists. Lists by the triangles' boxes lost too: that of a diagonal sliver meets half of all cells,
+//! and a sheet of a hundred thousand of them took gigabytes. A triangle stands where its edges leave a place for it, row by row
+//! ([`Flat::extent`]).
 //!
 //! Memory: 4 bytes for each triangle and cell that it meets, at most [`GROWTH`] times as much where cells are cut, [`LEAST_GROWTH`] times
 //! once that would be more than [`ROOM`] entries.
@@ -70,7 +71,7 @@ impl Bins {
         let all: Vec<u32> = (0..flats.len() as u32).filter(|t| flats[*t as usize].inverse.is_some()).collect();
         let bounds = [columns, rows].map(|count| [-f64::from(BORDER), f64::from(count * TILE_SIDE + BORDER)]);
         let whole = Grid { side: f64::from(TILE_SIDE), count: [columns, rows], first: [0.0; 2], bounds };
-        let (starts, coarse) = whole.sorted(&all, flats);
+        let (starts, coarse) = whole.sorted(&whole.lengths(&all, flats), &all, flats);
         let growth = (ROOM / coarse.len().max(1)).clamp(LEAST_GROWTH, GROWTH);
         let mut bins =
             Self { columns, rows, cells: Vec::with_capacity(starts.len()), starts: vec![], triangles: Vec::with_capacity(coarse.len()) };
@@ -86,18 +87,21 @@ impl Bins {
     /// half since the one taken before.
     fn cut(&mut self, cell: [u32; 2], list: &[u32], flats: &[Flat], growth: usize) {
         let finest = (0..FINEST).find(|level| list.len() <= PER_BLOCK << (2 * level)).unwrap_or(FINEST);
-        let (mut level, mut longest) = (0, list.len());
+        let (mut level, mut longest, mut taken) = (0, list.len(), None);
         for finer in 1..=finest {
             let grid = self.grid(cell, finer);
-            if grid.entries(list, flats) > growth * list.len() {
+            let lengths = grid.lengths(list, flats);
+            if lengths.iter().sum::<usize>() > growth * list.len() {
                 break;
             }
-            let length = grid.lengths(list, flats).into_iter().max().unwrap_or(0);
+            let length = lengths.iter().copied().max().unwrap_or(0);
             if length * SHORTER[1] <= longest * SHORTER[0] {
-                (level, longest) = (finer, length);
+                (level, longest, taken) = (finer, length, Some(lengths));
             }
         }
-        let (starts, triangles) = self.grid(cell, level).sorted(list, flats);
+        let grid = self.grid(cell, level);
+        let lengths = taken.unwrap_or_else(|| grid.lengths(list, flats));
+        let (starts, triangles) = grid.sorted(&lengths, list, flats);
         let before = self.triangles.len();
         self.cells.push(Blocks { cell, level, first: self.starts.len() });
         self.starts.extend(starts[..starts.len() - 1].iter().map(|s| before + s));
@@ -122,8 +126,8 @@ impl Bins {
         self.list(blocks, (x % TILE_SIDE) >> shift, (y % TILE_SIDE) >> shift)
     }
 
-    /// The triangles that come within `reach` texels of a texel's square, each at least once, in no order; a few that are farther. `reach` is
-    /// at most [`BORDER`].
+    /// The triangles that come within `reach` texels of a texel's square, each at least once, in no order; a few that are farther. `reach`
+    /// is at most [`BORDER`].
     pub(super) fn around(&self, x: u32, y: u32, reach: u32) -> impl Iterator<Item = u32> + '_ {
         let span = |at: u32, cells: u32| (at.saturating_sub(reach), (at + reach).min(cells * TILE_SIDE - 1));
         let ((x0, x1), (y0, y1)) = (span(x, self.columns), span(y, self.rows));
@@ -161,11 +165,6 @@ impl Grid {
         })
     }
 
-    /// How long all lists are together.
-    fn entries(self, list: &[u32], flats: &[Flat]) -> usize {
-        list.iter().flat_map(|t| self.squares(&flats[*t as usize])).map(|(_, xs)| (xs.end() - xs.start() + 1) as usize).sum()
-    }
-
     /// How long the list of each square is, row by row.
     fn lengths(self, list: &[u32], flats: &[Flat]) -> Vec<usize> {
         let mut lengths = vec![0; (self.count[0] * self.count[1]) as usize];
@@ -181,10 +180,10 @@ impl Grid {
         }
     }
 
-    /// Triangles sorted into lists: where each starts, and all of them one after the other.
-    fn sorted(self, list: &[u32], flats: &[Flat]) -> (Vec<usize>, Vec<u32>) {
+    /// Triangles sorted into lists of these `lengths`: where each starts, and all of them one after the other.
+    fn sorted(self, lengths: &[usize], list: &[u32], flats: &[Flat]) -> (Vec<usize>, Vec<u32>) {
         let mut starts = vec![0];
-        for length in self.lengths(list, flats) {
+        for length in lengths {
             starts.push(starts[starts.len() - 1] + length);
         }
         let mut next = starts.clone();

@@ -4,8 +4,8 @@ use glam::DVec2;
 
 /// Slack of the inside test, in barycentric units: a centre on an edge is inside.
 pub(super) const EDGE: f64 = 1e-9;
-/// What counts as nothing, in texels: texture coordinates are f32, so that edges that should coincide may differ by half of it in the largest
-/// texture. Inside tests of slivers, which round worse, end that far beyond their boxes.
+/// What counts as nothing, in texels: texture coordinates are f32, so that edges that should coincide may differ by half of it in the
+/// largest texture. Inside tests of slivers, which round worse, end that far beyond their boxes.
 pub(super) const SLACK: f64 = 1e-3;
 /// Bound of what an inside test's cross products may be wrong by, of the squared length of the triangle's edges: 90 roundings of f64.
 const ROUNDING: f64 = 1e-14;
@@ -44,7 +44,8 @@ impl Flat {
     }
 
     /// Between which x the triangle may lie in the band `low <= y < high`; `None` where it does not reach into it. No point that
-    /// [`Self::inside`] accepts and no part of the triangle lies beside; what it has too much of is [`SLACK`] beyond each edge, and beyond tips.
+    /// [`Self::inside`] accepts and no part of the triangle lies beside; what it has too much of is [`SLACK`] beyond each edge, and beyond
+    /// tips.
     pub(super) fn extent(&self, low: f64, high: f64) -> Option<(f64, f64)> {
         let (bottom, top) = (low.max(self.low.y - SLACK), high.min(self.high.y + SLACK));
         if bottom >= high || top < low {
@@ -76,8 +77,8 @@ impl Flat {
         self.extent(low.y, high.y).is_some_and(|(left, right)| left < high.x && right >= low.x)
     }
 
-    /// The point of the triangle within a box that is nearest to `to`, a point of the box outside of the triangle; `None` where the triangle
-    /// does not reach into the box by more than [`SLACK`]: most charts end on the border of a texel.
+    /// The point of the triangle within a box that is nearest to `to`, a point of the box outside of the triangle; `None` where the
+    /// triangle does not reach into the box by more than [`SLACK`]: most charts end on the border of a texel.
     pub(super) fn nearest_within(&self, (low, high): (DVec2, DVec2), to: DVec2) -> Option<DVec2> {
         if self.low.cmpge(high - SLACK).any() || self.high.cmple(low + SLACK).any() {
             return None;

@@ -92,14 +92,14 @@ impl SurfaceRaster {
         let (triangle, bary) = self.owner(x, y)?;
         let frame = self.frames.at(triangle, bary.to_array())?;
         let (low, high) = (DVec2::new(f64::from(x), f64::from(y)), DVec2::new(f64::from(x) + 1.0, f64::from(y) + 1.0));
-        let joins = |t: &u32| self.flats[*t as usize].meets(low, high) && self.joins(*t, triangle, low);
+        let joins = |t: &u32| self.joins(*t, triangle, low) && self.flats[*t as usize].meets(low, high);
         let near = std::iter::once(triangle).chain(self.bins.at(x, y).iter().copied().filter(joins)).collect();
         Some(Texel { x, y, triangle, position: self.position(triangle, bary), frame, bary, start: triangle, near })
     }
 
-    /// The texel of a gutter's row at its place across a seam: its square is laid out in the plane of its chart's nearest triangle and along
-    /// the surface from there, its frame is the own chart's carried over. `None` where the chart ends there, which leaves the row the copy of
-    /// its source that it is; likewise for covered texels and without seams.
+    /// The texel of a gutter's row at its place across a seam: its square is laid out in the plane of its chart's nearest triangle and
+    /// along the surface from there, its frame is the own chart's carried over. `None` where the chart ends there, which leaves the row the
+    /// copy of its source that it is; likewise for covered texels and without seams.
     #[must_use]
     pub fn beyond(&self, row: Row) -> Option<Texel> {
         let seams = self.seams.as_ref().filter(|_| !row.is_covered())?;
@@ -161,8 +161,7 @@ impl SurfaceRaster {
         let (x, y, chart) = (i64::from(texel.x), i64::from(texel.y), self.charts[texel.start as usize]);
         let mut around: Vec<(i64, i64, i64)> = offsets().map(|(dx, dy)| (dx * dx + dy * dy, y + dy, x + dx)).collect();
         around.sort_unstable();
-        let within =
-            |(d, y, x): &(i64, i64, i64)| *d > 0 && (0..i64::from(self.width)).contains(x) && (0..i64::from(self.height)).contains(y);
+        let within = |(d, y, x): &(i64, i64, i64)| *d > 0 && self.holds(*x, *y);
         let texel = move |(_, y, x): (i64, i64, i64)| self.texel(x as u32, y as u32);
         around.into_iter().filter(within).filter_map(texel).filter(move |t| self.charts[t.triangle as usize] == chart)
     }
@@ -199,8 +198,8 @@ impl SurfaceRaster {
     }
 }
 
-/// Numbers triangles so that those share one that are connected over edges where positions, texture coordinates and normals agree: the texture
-/// goes on there, and so does the frame.
+/// Numbers triangles so that those share one that are connected over edges where positions, texture coordinates and normals agree: the
+/// texture goes on there, and so does the frame.
 fn smooth_groups(scene: &Scene, surface: &Surface, plan: &SurfacePlan) -> Vec<u32> {
     type Corner = (u32, [u32; 2], [i32; 3]);
     let mut sets = DisjointSets::new(surface.triangles.len());

@@ -1,12 +1,13 @@
 //! Seams: where a surface goes on across the edge of a chart, and the walk that follows it there.
 //!
-//! Two charts that meet in a smooth edge show a line where bilinear filtering of one ends in copies of its own border. The remedy here is that
-//! the texture of each chart goes on over the edge: a gutter texel is laid out in the plane of the chart's last triangle, folded about the
-//! edge into the plane of the next one, and captured there, in the frame of its own chart; squares of covered texels reach over likewise.
-//! Filtering then runs on over the seam on both sides, and both sides see the same light. Least-squares stitching (Ray and others, "Invisible
-//! Seams", 2010), which moves the border texels of both charts until their interpolations agree, lost: it needs the radiance of both sides at
-//! once, so that tiles would depend on each other, it would be solved for every direction, and charts whose frames are turned against each
-//! other store different directions. Cost: 24 bytes a triangle, and one more texel to capture for each gutter texel that is not a copy.
+//! Two charts that meet in a smooth edge show a line where bilinear filtering of one ends in copies of its own border. The remedy here is
+//! that the texture of each chart goes on over the edge: a gutter texel is laid out in the plane of the chart's last triangle, folded about
+//! the edge into the plane of the next one, and captured there, in the frame of its own chart; squares of covered texels reach over
+//! likewise. Filtering then runs on over the seam on both sides, and both sides see the same light. Least-squares stitching (Ray and
+//! others, "Invisible Seams", 2010), which moves the border texels of both charts until their interpolations agree, lost: it needs the
+//! radiance of both sides at once, so that tiles would depend on each other, it would be solved for every direction, and charts whose
+//! frames are turned against each other store different directions. Cost: 24 bytes a triangle, and one more texel to capture for each
+//! gutter texel that is not a copy.
 //!
 //! Edges are found by their positions in space. Edges of more than two triangles, edges of other materials and T-junctions are no seams.
 
@@ -93,8 +94,8 @@ impl Seams {
         Self { across: (0..places.len() as u32).map(|t| [0, 1, 2].map(|k| across(Corner(3 * t + k)))).collect() }
     }
 
-    /// The triangle from which a texel beside a chart goes on over a seam: that of the chart's nearest edge. `None` where the chart ends there.
-    /// `triangles` are those of the chart that may be near, in any order.
+    /// The triangle from which a texel beside a chart goes on over a seam: that of the chart's nearest edge. `None` where the chart ends
+    /// there. `triangles` are those of the chart that may be near, in any order.
     pub(super) fn start(&self, flats: &[Flat], triangles: impl Iterator<Item = u32>, at: DVec2) -> Option<u32> {
         let (mut border, mut seam) = (f64::INFINITY, None);
         for corner in triangles.flat_map(|t| [0, 1, 2].map(|k| Corner(3 * t + k))) {
@@ -111,8 +112,8 @@ impl Seams {
         seam.filter(|(distance, _)| *distance <= border + EQUAL).map(|(_, triangle)| triangle)
     }
 
-    /// Where a point of the plane of `start`, given by its barycentric weights there, lies once the plane is laid along the surface: the triangle
-    /// and its weights. `None` where the surface ends on the way.
+    /// Where a point of the plane of `start`, given by its barycentric weights there, lies once the plane is laid along the surface: the
+    /// triangle and its weights. `None` where the surface ends on the way.
     pub(super) fn follow(&self, corners: &[[DVec3; 3]], start: u32, bary: DVec2) -> Option<(u32, DVec2)> {
         let (mut triangle, mut bary) = (start, bary);
         for _ in 0..STEPS {

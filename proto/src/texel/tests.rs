@@ -104,8 +104,8 @@ fn smooth_triangles_join_where_they_bend_and_frames_turn_within_a_texel() {
     assert_eq!(shares(&scene).0, flat);
 }
 
-/// A strip of quads of 1 m along an arc (or a line, for no turn), laid out in two charts of 16 texels a metre: the second half of the quads is
-/// turned by 90 degrees. No edge lies on a texel's.
+/// A strip of quads of 1 m along an arc (or a line, for no turn), laid out in two charts of 16 texels a metre: the second half of the quads
+/// is turned by 90 degrees. No edge lies on a texel's.
 fn strip(quads: u32, turn_degrees: f64, smooth: bool) -> (Scene, SurfacePlan) {
     let (mut scene, mut at, mut angle) = (Scene::empty(), glam::DVec2::ZERO, 0.0);
     let (mut triangles, mut uv, mut charts) = (vec![], vec![], vec![]);

@@ -198,8 +198,8 @@ pub struct ChunkEntry {
     pub digest: Digest,
 }
 
-/// The table at the end of a chunk (`PUT …/chunks/{n}`): compressed segments one after another, this message's frame, and the frame's length
-/// as u32. Written last, so that segments stream while later ones are still being baked.
+/// The table at the end of a chunk (`PUT …/chunks/{n}`): compressed segments one after another, this message's frame, and the frame's
+/// length as u32. Written last, so that segments stream while later ones are still being baked.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ChunkTrailer {
     /// The segments in order of offset, without gaps.

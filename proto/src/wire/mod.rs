@@ -44,7 +44,8 @@ pub fn encode<T: Serialize>(value: &T, max: usize) -> Result<Vec<u8>, DecodeErro
 }
 
 /// Reads one value that fills `bytes` exactly. What lengths inside the input may claim is bounded in proportion to the input (at most 32
-/// bytes of memory for each of its bytes, as every byte of a valid encoding stands for at most 16), so that a few bytes cannot ask for the moon.
+/// bytes of memory for each of its bytes, as every byte of a valid encoding stands for at most 16), so that a few bytes cannot ask for the
+/// moon.
 ///
 /// # Errors
 /// Input above `max` bytes, bytes that are not such a value, bytes left over.

@@ -46,18 +46,7 @@ impl FromStr for Sha256Hex {
     }
 }
 
-impl TryFrom<String> for Sha256Hex {
-    type Error = BadSha256;
-    fn try_from(text: String) -> Result<Self, BadSha256> {
-        text.parse()
-    }
-}
-
-impl From<Sha256Hex> for String {
-    fn from(hash: Sha256Hex) -> String {
-        hash.to_string()
-    }
-}
+crate::written_as_text!(Sha256Hex);
 
 /// The hash of a package: the SHA-256 of one line `SHA256␣␣PATH` for every file but `report.json`, in byte order of the paths. It is what
 /// `sha256sum` prints, so anyone can compute it without this program:

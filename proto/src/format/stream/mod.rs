@@ -1,9 +1,9 @@
 //! Readers of a surface's files by position: a few texels at a time, whatever the files' size and wherever they lie.
 //!
-//! A package may be a folder, a set of blobs, or bytes in a test; all that the readers ask of a file is [`ReadAt`], which takes `&self` so that
-//! threads share a file without a lock. Whoever makes something new of a file has its checksum compared first ([`Trust::Checksum`]), which
-//! costs one more read of it: damaged light with fresh hashes would pass for whole for ever. Its error is boxed: a type parameter for it
-//! would run through every signature of every caller, to end in the same printed line.
+//! A package may be a folder, a set of blobs, or bytes in a test; all that the readers ask of a file is [`ReadAt`], which takes `&self` so
+//! that threads share a file without a lock. Whoever makes something new of a file has its checksum compared first ([`Trust::Checksum`]),
+//! which costs one more read of it: damaged light with fresh hashes would pass for whole for ever. Its error is boxed: a type parameter for
+//! it would run through every signature of every caller, to end in the same printed line.
 
 mod coded;
 mod raw;

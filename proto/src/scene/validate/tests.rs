@@ -78,7 +78,8 @@ fn each_fault_is_found_and_named() {
     assert!(broken(|s| s.surfaces[0].parts[0].triangles = 2).contains("2 triangles in its parts"));
     assert!(broken(|s| s.surfaces[0].normals = vec![[0; 3]]).contains("normals 0"));
     assert!(broken(|s| s.surfaces[0].tangents = vec![[0; 3]]).contains("tangents 0"));
-    assert!(broken(|s| s.tangents = vec![[1.0, 0.0, 0.0, 0.5]]).contains("tangent 0"));
+    assert!(broken(|s| s.tangents = vec![[1.0, 0.0, 0.0, 0.5]]).contains("tangent 0 has a side other"));
+    assert!(broken(|s| s.tangents = vec![[f32::NAN, 0.0, 0.0, 1.0]]).contains("tangent 0 has a value that is not finite"));
     assert!(broken(|s| s.surfaces[0].uv_sets = vec![vec![]]).contains("0 texture coordinates"));
     assert!(broken(|s| s.surfaces[0].parts[0].unlit_by = vec![3]).contains("light 3"));
     assert!(broken(|s| s.materials[0].opacity.factor = 1.5).contains("opacity"));
