@@ -1,8 +1,8 @@
 //! The shared gather against one path per direction at equal noise, on the glossy surfaces of thesis-room, one thread, one binary. One JSON
 //! line per surface: core-seconds per texel of the shared gather, core-seconds that independent paths need for the same root mean square
-//! error, and their ratio. Independent paths are measured at 64 and at 512 a direction, and the error goes on from there with the slope between
-//! the two (1 is that of plain Monte Carlo; their sequences do a little better). The reference is the mean of many gathers with other seeds, so it is the same for both; its own noise is small
-//! and counted against the shared gather.
+//! error, and their ratio. Independent paths are measured at 64 and at 512 a direction, and the error goes on from there with the slope
+//! between the two (1 is that of plain Monte Carlo; their sequences do a little better). The reference is the mean of many gathers with
+//! other seeds, so it is the same for both; its own noise is small and counted against the shared gather.
 #![allow(clippy::disallowed_methods)] // Logarithms of measured errors reach no baked byte.
 #![allow(missing_docs, clippy::unwrap_used, clippy::expect_used, clippy::print_stdout)]
 

@@ -102,8 +102,8 @@ fn answer(
     Ok(moments.answer())
 }
 
-/// The frame at a point. There is no layout here, so the tangent is that of the triangle in the author's coordinates: it only turns the grid
-/// of directions that the samples are drawn for, never what is asked.
+/// The frame at a point. There is no layout here, so the tangent is that of the triangle in the author's coordinates: it only turns the
+/// grid of directions that the samples are drawn for, never what is asked.
 fn frame_at(scene: &BakeScene, surface: usize, point: &SurfacePoint, rule: FrameRule) -> Frame {
     let (canonical, triangle) = (scene.scene(), point.triangle as usize);
     let of = &canonical.surfaces[surface];
@@ -166,7 +166,8 @@ fn locate(scene: &BakeScene, query: &Query) -> Result<(usize, SurfacePoint), Que
     Ok((index, SurfacePoint { triangle, bary: bary.map(|b| b as f32), position: position.as_vec3() }))
 }
 
-/// Barycentric weights (second and third corner) of the point of a triangle nearest to `p` (Ericson, "Real-Time Collision Detection", 5.1.5).
+/// Barycentric weights (second and third corner) of the point of a triangle nearest to `p` (Ericson, "Real-Time Collision Detection",
+/// 5.1.5).
 fn nearest_point(p: DVec3, [a, b, c]: [DVec3; 3]) -> [f64; 2] {
     let (ab, ac) = (b - a, c - a);
     let along = |from: DVec3| (ab.dot(p - from), ac.dot(p - from));

@@ -1,9 +1,9 @@
 //! Light paths: what arrives at a point from a direction, and what leaves a vertex toward one.
 //!
 //! A ray that leaves the scene sees the environment. Next-event estimation and continuation share every vertex by the balance heuristic.
-//! Depth counts as in Mitsuba: light that a texel emits has depth 1, direct light depth 2. There is no Russian roulette: `max_depth` bounds the
-//! cost, and roulette would trade it for noise that all directions of a texel share. Surfaces are one-sided: backs block,
-//! reflect nothing and emit nothing, unless the scene has a surface for them.
+//! Depth counts as in Mitsuba: light that a texel emits has depth 1, direct light depth 2. There is no Russian roulette: `max_depth` bounds
+//! the cost, and roulette would trade it for noise that all directions of a texel share. Surfaces are one-sided: backs block, reflect
+//! nothing and emit nothing, unless the scene has a surface for them.
 
 mod next_event;
 
@@ -152,9 +152,9 @@ impl<'a> Tracer<'a> {
 
     /// What a ray from a vertex meets.
     ///
-    /// In hollows of a smooth surface a direction above the horizon of the interpolated normal may lie below that of the triangle, which a flat
-    /// triangle then meets itself. There is nothing to see there: such a ray goes on as its mirror image above the triangle, so that a furnace
-    /// keeps its light.
+    /// In hollows of a smooth surface a direction above the horizon of the interpolated normal may lie below that of the triangle, which a
+    /// flat triangle then meets itself. There is nothing to see there: such a ray goes on as its mirror image above the triangle, so that a
+    /// furnace keeps its light.
     fn meet(&mut self, from: &Vertex, mut direction: Vec3, depth: u32, sample: PathSample) -> Met {
         let origin = from.origin(direction);
         let mut seen = self.scene.closest(&Ray::unbounded(origin, direction), || sample.salt(depth), &mut self.rays);

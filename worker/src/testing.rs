@@ -1,7 +1,7 @@
 //! What tests and benches share: scenes built in code, a loader for the project's own OBJ scenes, plans of them.
 //!
-//! The loader reads just what `tests/scenes` holds (`o`, `v`, `vt`, `f` with triangles, `usemtl`, `Kd Ks Ns Ke`); the real importer lives in
-//! the coordinator, which the worker must not know.
+//! The loader reads just what `tests/scenes` holds (`o`, `v`, `vt`, `f` with triangles, `usemtl`, `Kd Ks Ns Ke`); the real importer lives
+//! in the coordinator, which the worker must not know.
 #![allow(dead_code, clippy::unwrap_used, clippy::expect_used, clippy::missing_panics_doc)]
 
 use kiln_proto::{

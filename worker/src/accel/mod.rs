@@ -1,9 +1,9 @@
 //! The ray tracer: a wide bounding volume hierarchy over triangles, closest hits and occlusion.
 //!
-//! obvhs builds a binary tree (PLOC with reinsertion); [`tree`] collapses it into nodes of [`tree::WIDTH`] boxes kept axis by axis, which the
-//! compiler turns into vector code, and the traversal is ours. obvhs's own traversals lost: its compressed tree clamps every ray to t >= 1e-4,
-//! which breaks scenes a thousandth the size, and neither breaks ties. Which primitive is hit follows from the triangles alone: the nearest,
-//! and of equally near ones the lowest index, so that another tree behind the same interface gives the same bytes.
+//! obvhs builds a binary tree (PLOC with reinsertion); [`tree`] collapses it into nodes of [`tree::WIDTH`] boxes kept axis by axis, which
+//! the compiler turns into vector code, and the traversal is ours. obvhs's own traversals lost: its compressed tree clamps every ray to t
+//! >= 1e-4, which breaks scenes a thousandth the size, and neither breaks ties. Which primitive is hit follows from the triangles alone:
+//! the nearest, and of equally near ones the lowest index, so that another tree behind the same interface gives the same bytes.
 
 mod traverse;
 mod tree;
@@ -79,8 +79,8 @@ impl Accel {
         traverse::closest(&self.tree, ray, |_| true)
     }
 
-    /// The nearest triangle along a ray of those that `meets` says yes to, which may be asked about any triangle on the way, in any order and
-    /// more than once.
+    /// The nearest triangle along a ray of those that `meets` says yes to, which may be asked about any triangle on the way, in any order
+    /// and more than once.
     #[must_use]
     #[inline]
     pub fn closest_where(&self, ray: &Ray, rays: &mut RayCount, meets: impl Fn(&Hit) -> bool) -> Option<Hit> {
@@ -96,8 +96,8 @@ impl Accel {
         traverse::occluded(&self.tree, ray, |_| true)
     }
 
-    /// Whether anything along a ray blocks it; `blocks` is asked about every triangle on the way until it says yes, in any order and perhaps
-    /// more than once.
+    /// Whether anything along a ray blocks it; `blocks` is asked about every triangle on the way until it says yes, in any order and
+    /// perhaps more than once.
     #[must_use]
     #[inline]
     pub fn occluded_where(&self, ray: &Ray, rays: &mut RayCount, blocks: impl FnMut(&Hit) -> bool) -> bool {

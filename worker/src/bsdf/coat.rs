@@ -1,19 +1,19 @@
 //! glTF 2.0's metallic-roughness model (appendix B) with KHR_materials_ior, _specular and _transmission (thin): microfacets over a base.
 //!
 //! Microfacets have the GGX distribution (Walter et al. 2007, eq. 33) and shadow each other by Smith's function in the separable form
-//! G1(wi) G1(wo), as the appendix has it; each reflects by Schlick's approximation, F = f0 + (f90 - f0)(1 - v·h)^5. The form for correlated heights
-//! (Heitz 2014, eq. 99) is nearer to the truth, up to a half brighter at roughness 1, and another model than the format's. All of the appendix is linear
-//! in the fifth power, so one point of a material is a few numbers, whatever its metalness:
+//! G1(wi) G1(wo), as the appendix has it; each reflects by Schlick's approximation, F = f0 + (f90 - f0)(1 - v·h)^5. The form for correlated
+//! heights (Heitz 2014, eq. 99) is nearer to the truth, up to a half brighter at roughness 1, and another model than the format's. All of
+//! the appendix is linear in the fifth power, so one point of a material is a few numbers, whatever its metalness:
 //!
 //! ```text
 //! f = D V (normal + rise p) + (diffuse/pi + through D' V') (kept - lost p),    p = (1 - v·h)^5
 //! ```
 //!
-//! D' and V' belong to the light's mirror image on the viewer's side: the thin-walled transmission of KHR_materials_transmission. Densities are
-//! those of visible normals (Heitz 2018), drawn by spherical caps (Dupuy and Benyoub 2023). As in the appendix, light that facets pass on to each
-//! other is lost, so rough metals are dark; and because the base gets 1 - F(v·h) of the light, not what the facets leave of it, a bright
-//! smooth dielectric reflects up to half more than it gets at grazing angles (the appendix says so under "Coupling Diffuse and Specular
-//! Reflection"). Over all angles it loses light, so paths stay bounded.
+//! D' and V' belong to the light's mirror image on the viewer's side: the thin-walled transmission of KHR_materials_transmission. Densities
+//! are those of visible normals (Heitz 2018), drawn by spherical caps (Dupuy and Benyoub 2023). As in the appendix, light that facets pass
+//! on to each other is lost, so rough metals are dark; and because the base gets 1 - F(v·h) of the light, not what the facets leave of it,
+//! a bright smooth dielectric reflects up to half more than it gets at grazing angles (the appendix says so under "Coupling Diffuse and
+//! Specular Reflection"). Over all angles it loses light, so paths stay bounded.
 
 use crate::sampling::warp::INV_PI;
 use glam::Vec3;
@@ -22,7 +22,8 @@ use kiln_proto::{math, scene::fifth, units::Rgb};
 /// Everything but the diffuse base.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Coat {
-    /// Width of the distribution of facets: roughness squared, at least [`LEAST_ALPHA`](kiln_proto::scene::LEAST_ALPHA); 0 for a perfect mirror.
+    /// Width of the distribution of facets: roughness squared, at least [`LEAST_ALPHA`](kiln_proto::scene::LEAST_ALPHA); 0 for a perfect
+    /// mirror.
     pub alpha: f32,
     /// Reflectance of a facet that is looked at straight on.
     pub normal: Rgb,

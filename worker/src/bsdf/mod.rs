@@ -1,8 +1,8 @@
 //! How surfaces reflect: Lambert plus a normalised Phong lobe or a perfect mirror, as MTL materials mean it, or glTF's metallic-roughness.
 //!
-//! Directions are unit, local (z the normal that reflection sees) and point away from the surface. `eval` is in 1/sr and leaves the cosine to
-//! the caller. `wo` is above the horizon. Light from below has value and density zero but for transmission, and a sample that goes where there
-//! is no value counts as zero.
+//! Directions are unit, local (z the normal that reflection sees) and point away from the surface. `eval` is in 1/sr and leaves the cosine
+//! to the caller. `wo` is above the horizon. Light from below has value and density zero but for transmission, and a sample that goes where
+//! there is no value counts as zero.
 
 pub mod coat;
 pub mod power;
@@ -188,8 +188,8 @@ impl Bsdf {
         (pdf > 0.0).then(|| Bounce { wi, weight: self.eval(wi, wo) * (wi.z.abs() / pdf), pdf: Some(pdf) })
     }
 
-    /// Each part is sampled with its share of the reflectance, the specular one of a coat with what it has toward this cosine. The base keeps
-    /// the share that it has from above: light from the side reaches it also where the viewer sees little but reflections.
+    /// Each part is sampled with its share of the reflectance, the specular one of a coat with what it has toward this cosine. The base
+    /// keeps the share that it has from above: light from the side reaches it also where the viewer sees little but reflections.
     #[inline]
     fn shares(&self, cos: f32) -> Shares {
         let (ks, through, kd) = match self.specular {
@@ -204,9 +204,9 @@ impl Bsdf {
         if ks + through > 0.0 { Shares { specular: ks / all, through: through / all } } else { Shares { specular: 0.0, through: 0.0 } }
     }
 
-    /// The share of a unit of light from the normal that is reflected or let through. Phong: Kd + Ks exactly, by the lobe's normalisation; a
-    /// coat: what perfectly smooth facets would reflect, which rough ones only fall short of. Toward grazing directions a Phong lobe reflects
-    /// less, never more.
+    /// The share of a unit of light from the normal that is reflected or let through. Phong: Kd + Ks exactly, by the lobe's normalisation;
+    /// a coat: what perfectly smooth facets would reflect, which rough ones only fall short of. Toward grazing directions a Phong lobe
+    /// reflects less, never more.
     #[must_use]
     pub fn albedo(&self) -> Rgb {
         self.diffuse + self.ks()

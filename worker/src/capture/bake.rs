@@ -1,10 +1,11 @@
 //! The Bake phase: a tile's texels, whose light each of them shows, and that light.
 //!
 //! Most covered texels show their own. A hidden one is moved out where a way out is near, or shows that of the nearest visible texel of its
-//! chart within the gutter's reach, captured at that texel's place, in its frame and with its samples, so that both hold the same values whichever tile they lie in; smooth frames turn
-//! little over two texels. Deeper ones stay as they are. A gutter texel behind which the surface goes on over a seam has a place of its own
-//! there, others show the light of their source. All of this is decided by whichever tile needs it, from the scene and the plan alone. A bake
-//! of points (`--footprint point`) is one of texel centres as they are: nothing is moved, filled or carried over.
+//! chart within the gutter's reach, captured at that texel's place, in its frame and with its samples, so that both hold the same values
+//! whichever tile they lie in; smooth frames turn little over two texels. Deeper ones stay as they are. A gutter texel behind which the
+//! surface goes on over a seam has a place of its own there, others show the light of their source. All of this is decided by whichever
+//! tile needs it, from the scene and the plan alone. A bake of points (`--footprint point`) is one of texels' places as they are: nothing
+//! is moved, filled or carried over.
 
 use super::{
     Capture, CaptureError, Points, TileRadiance,
@@ -33,8 +34,8 @@ fn key(texel: &Texel) -> Key {
 }
 
 impl Capture {
-    /// Captures a tile of the Bake phase on the current thread pool. Texels that show the light of others are copies of it, captured here even
-    /// where the others lie in another tile.
+    /// Captures a tile of the Bake phase on the current thread pool. Texels that show the light of others are copies of it, captured here
+    /// even where the others lie in another tile.
     ///
     /// # Errors
     /// [`CaptureError::NoSuchTile`].
@@ -85,25 +86,26 @@ impl Capture {
         }
         let lookout = Lookout { scene: &self.scene, surface, raster: &self.rasters[surface] };
         let mut rays = RayCount::default();
-        // Where its points are moved to, and whether it is hidden even there.
-        let mut look = |texel: &Texel, reaches: f32| {
-            let key = self.key(surface, texel);
-            let push = lookout.push(texel, reaches, key, &mut rays);
-            (push, lookout.is_hidden(texel, push.as_ref(), key, &mut rays))
+        // Where a texel's points are moved to, if it is seen there.
+        let mut visible = |texel: &Texel, push: Option<Push>| {
+            let hidden = lookout.is_hidden(texel, push.as_ref(), self.key(surface, texel), &mut rays);
+            (!hidden).then(|| (texel.clone(), push))
         };
-        let (push, hidden) = look(texel, 1.0);
-        if !hidden {
-            return (asked, (texel.clone(), push), rays.0);
-        }
-        if let (Some(push), false) = look(texel, clearance::FAR) {
-            return (asked, (texel.clone(), Some(push)), rays.0);
-        }
-        let visible = |near: Texel| {
-            let (push, hidden) = look(&near, 1.0);
-            (!hidden).then_some((near, push))
-        };
-        let stand_in = lookout.raster.neighbours(texel).find_map(visible);
-        (asked, stand_in.unwrap_or_else(|| (texel.clone(), push)), rays.0)
+        let mut looks = RayCount::default();
+        let mut way_out = |texel: &Texel, reaches: f32| lookout.push(texel, reaches, self.key(surface, texel), &mut looks);
+        let push = way_out(texel, 1.0);
+        let place = visible(texel, push).or_else(|| {
+            // A face that was found nearby is the nearest from afar, too.
+            let far = if push.is_none() { way_out(texel, clearance::FAR) } else { None };
+            far.and_then(|far| visible(texel, Some(far)))
+        });
+        let place = place.or_else(|| {
+            lookout.raster.neighbours(texel).find_map(|near| {
+                let push = way_out(&near, 1.0);
+                visible(&near, push)
+            })
+        });
+        (asked, place.unwrap_or_else(|| (texel.clone(), push)), rays.0 + looks.0)
     }
 
     /// One texel toward all directions; returns the rays traced.

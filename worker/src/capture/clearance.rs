@@ -1,12 +1,12 @@
 //! Texels that begin inside other geometry: moved out of it, or known to be hidden.
 //!
-//! A texel whose centre lies under the foot of a wall or just behind one is black, and filtering draws its black out into what is seen. From its
-//! centre eight rays run along the surface as far as the texel reaches; where the nearest thing is the back of a face, all sample points that
-//! lie behind that face are moved in front of it, along the surface. A texel deeper inside, from which nearly everything seen is a back, is
-//! hidden. Filtering tastes it where what is seen begins within a texel of it, so that it looks for the nearest face again, twice as far, and is
-//! moved out there: inside a wall that two rooms share, each texel has the light of the room that it is nearer to. For the others a visible
-//! neighbour stands in ([`bake`](super::bake)). Cost: eight short rays a texel, and five more for one that sees fronts. Testing every sample
-//! would cost a ray for each and find the same faces.
+//! A texel whose place lies under the foot of a wall or just behind one is black, and filtering draws its black out into what is seen. From
+//! there eight rays run along the surface as far as the texel reaches; where the nearest thing is the back of a face, all sample points
+//! that lie behind that face are moved in front of it, along the surface. A texel deeper inside, from which nearly everything seen is a
+//! back, is hidden. Filtering tastes it where what is seen begins within a texel of it, so that it looks for the nearest face again, twice
+//! as far, and is moved out there: inside a wall that two rooms share, each texel has the light of the room that it is nearer to. For the
+//! others a visible neighbour stands in ([`bake`](super::bake)). Cost: eight short rays a texel, and five more for one that sees fronts.
+//! Testing every sample would cost a ray for each and find the same faces.
 
 use crate::{
     accel::{Ray, RayCount},
@@ -25,7 +25,7 @@ const AROUND: u32 = 8;
 const STEEP: f32 = 0.06;
 /// How far in front of a face points are moved, in units of the larger of both lifts.
 const BEFORE: f32 = 4.0;
-/// How far a hidden texel looks for its way out, in halves of its diagonal: one texel.
+/// How far a hidden texel looks for its way out, in reaches ([`SurfaceRaster::reach`]): a texel's diagonal where it shows its centre.
 pub(super) const FAR: f32 = 2.0;
 /// Cosine-distributed rays, a square of them, of which so many must hit backs before a texel is hidden.
 const SEEN: (u32, u32) = (4, 12);
@@ -55,8 +55,8 @@ pub(super) struct Lookout<'a> {
 }
 
 impl Lookout<'_> {
-    /// The face that a texel's points must be moved in front of, if its centre lies no farther behind one than `reaches` times half its longer
-    /// diagonal.
+    /// The face that a texel's points must be moved in front of, if its place lies no farther behind one than `reaches` times what the
+    /// texel reaches.
     pub(super) fn push(&self, texel: &Texel, reaches: f32, key: TexelKey, rays: &mut RayCount) -> Option<Push> {
         let vertex = self.scene.vertex_at(self.surface, &self.raster.centre(texel), texel.frame);
         let (own, tmax) = (self.scene.prim(vertex.prim), self.raster.reach(texel) * reaches);

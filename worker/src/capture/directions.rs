@@ -56,7 +56,8 @@ impl Directions {
     }
 }
 
-/// The lobes that share their samples: the views of a run of directions by the texel's mean normal, and what their densities are scaled with.
+/// The lobes that share their samples: the views of a run of directions by the texel's mean normal, and what their densities are scaled
+/// with.
 #[derive(Debug, Clone, Default)]
 pub(super) struct LobeSet {
     pub(super) views: Directions,

@@ -20,8 +20,8 @@ fn at(texels: &[(Row, f32)], x: u32, y: u32) -> f32 {
     texels.iter().find(|(row, _)| (row.x, row.y) == (x, y)).unwrap().1
 }
 
-/// A floor of 12 m x 12 m, one texel a metre, under a wide ceiling of light, and a solid block that runs across it from `from` to `to` along x
-/// and reaches from below the floor to 1 m above.
+/// A floor of 12 m x 12 m, one texel a metre, under a wide ceiling of light, and a solid block that runs across it from `from` to `to`
+/// along x and reaches from below the floor to 1 m above.
 fn block(from: f32, to: f32) -> Scene {
     let mut scene = empty();
     add_quad(&mut scene, "floor", [0.0, 0.0, 12.0], [12.0, 0.0, 0.0], [0.0, 0.0, -12.0], lambert(0.5, 0.0));
@@ -87,7 +87,8 @@ fn rays_that_look_for_a_way_out_are_counted() {
     assert!(two >= 144 * (256 + 12), "{two}");
 }
 
-/// A floor of 8 m x 4 m in two charts of 4 m x 4 m with four empty columns between them, two texels a metre, under a light over its left half.
+/// A floor of 8 m x 4 m in two charts of 4 m x 4 m with four empty columns between them, two texels a metre, under a light over its left
+/// half.
 fn two_charts() -> Scene {
     let mut scene = empty();
     add_quad(&mut scene, "floor", [0.0, 0.0, 4.0], [4.0, 0.0, 0.0], [0.0, 0.0, -4.0], lambert(0.5, 0.0));

@@ -1,10 +1,10 @@
 //! The gather's inner loops for microfacets: every sample against every direction, in two passes over arrays.
 //!
-//! The first finds D about the texel's mean normal and roughness for all lobes that share samples: their sum is the density of the sample. The
-//! second adds the light, by each sample's own roughness and normal, so that textures within a texel's footprint are exact and only the density
-//! is a mean. Where the two agree, the second takes D from the first. A point that is a perfect mirror has a base and no lobe: its image is not
-//! gathered. Appendix B is linear in (1 - v·h)^5, which leaves four numbers a channel
-//! to the loop. No fused operations and one order of sums: the same bits at any vector width.
+//! The first finds D about the texel's mean normal and roughness for all lobes that share samples: their sum is the density of the sample.
+//! The second adds the light, by each sample's own roughness and normal, so that textures within a texel's footprint are exact and only the
+//! density is a mean. Where the two agree, the second takes D from the first. A point that is a perfect mirror has a base and no lobe: its
+//! image is not gathered. Appendix B is linear in (1 - v·h)^5, which leaves four numbers a channel to the loop. No fused operations and one
+//! order of sums: the same bits at any vector width.
 
 use super::{
     directions::{Axes, LobeSet, bend_all},

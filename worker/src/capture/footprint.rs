@@ -7,8 +7,9 @@ use kiln_proto::{
     texel::{SurfacePoint, SurfaceRaster, Texel},
 };
 
-/// Jitters tried before a sample falls back to the centre. A texel that the chart covers by a tenth is missed by all with chance 0.43; the
-/// centre, which is always covered, then counts a little more than its share.
+/// Jitters tried before a sample falls back to the point that the texel shows. A texel that the chart covers by a tenth is missed by all
+/// with chance 0.43; its centre then counts a little more than its share. One that shows the tip of a chart is missed nearly always: what
+/// it holds is the light at that tip.
 const ATTEMPTS: u32 = 8;
 
 /// The points of a site.

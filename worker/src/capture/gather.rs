@@ -1,9 +1,9 @@
 //! The gather's inner loops: many samples of incident light against many directions.
 //!
-//! For every sample the lobe is raised for all directions that share it: the sum is the mixture density of the sample, the values weight its
-//! light toward each direction. Every step is one pass over arrays of directions that stay in the first-level cache (1.6 KiB each for 400),
-//! which the compiler turns into vector code of whatever width the function is compiled for. Lanes held in small fixed arrays lost: the
-//! compiler takes them apart into scalars. All sums run in a fixed order, whatever the width. Microfacets have loops of their own
+//! For every sample the lobe is raised for all directions that share it: the sum is the mixture density of the sample, the values weight
+//! its light toward each direction. Every step is one pass over arrays of directions that stay in the first-level cache (1.6 KiB each for
+//! 400), which the compiler turns into vector code of whatever width the function is compiled for. Lanes held in small fixed arrays lost:
+//! the compiler takes them apart into scalars. All sums run in a fixed order, whatever the width. Microfacets have loops of their own
 //! ([`facets`](super::facets)).
 
 use super::{
@@ -35,7 +35,8 @@ pub(super) struct Sample {
     pub(super) light_pdf: f32,
     /// Reflected by what is seen there; only incident samples find it, W/(sr m²).
     pub(super) reflected: Rgb,
-    /// What a light without area sends from there, divided by the number of points that ask for it: irradiance of a surface that faces it, W/m².
+    /// What a light without area sends from there, divided by the number of points that ask for it: irradiance of a surface that faces it,
+    /// W/m².
     pub(super) direct: Rgb,
     /// How the point of the footprint that the sample belongs to reflects.
     pub(super) bsdf: Bsdf,

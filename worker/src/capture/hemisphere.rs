@@ -1,17 +1,18 @@
 //! The shared gather: one set of incident samples serves all directions of a texel.
 //!
 //! Outgoing radiance toward w_k is L_e(w_k) + ∫ f(w, w_k) L_i(w) cos dw. Instead of a path per direction, as a camera renderer has it, M
-//! incident directions are drawn once from a mixture that suits every w_k (a quarter cosine, the rest from the lobes that the grid's directions
-//! see), one path is traced for each, and the BRDF is evaluated for all directions against all of them; S = M/4 light samples are shared the
-//! same way. It is unbiased but for what docs/light-transport.md lists; what the directions of a texel share is their noise.
+//! incident directions are drawn once from a mixture that suits every w_k (a quarter cosine, the rest from the lobes that the grid's
+//! directions see), one path is traced for each, and the BRDF is evaluated for all directions against all of them; S = M/4 light samples
+//! are shared the same way. It is unbiased but for what docs/light-transport.md lists; what the directions of a texel share is their noise.
 //!
-//! Narrow lobes overlap few others, so that few of M samples would fall into each. They get samples of their own: runs of eight neighbouring
-//! directions share them, with the density of exactly those eight lobes, beside M cosine and S light samples that all runs share. Delta lobes
-//! cannot share at all: mirrors trace paths of their own for every direction.
+//! Narrow lobes overlap few others, so that few of M samples would fall into each. They get samples of their own: runs of eight
+//! neighbouring directions share them, with the density of exactly those eight lobes, beside M cosine and S light samples that all runs
+//! share. Delta lobes cannot share at all: mirrors trace paths of their own for every direction.
 //!
-//! What is stored is the light that the surface itself emits, reflects and scatters through, of a blended surface as if it were opaque: whoever
-//! shows it covers what lies behind by its opacity. Light that goes straight on, through a blend or through clear glass, is not part of it, for
-//! it comes from another place than the texel: the picture behind is blended in. Light that rough glass scatters is part of it.
+//! What is stored is the light that the surface itself emits, reflects and scatters through, of a blended surface as if it were opaque:
+//! whoever shows it covers what lies behind by its opacity. Light that goes straight on, through a blend or through clear glass, is not
+//! part of it, for it comes from another place than the texel: the picture behind is blended in. Light that rough glass scatters is part of
+//! it.
 
 use super::{
     directions::{Directions, LobeSet},

@@ -1,10 +1,10 @@
 //! Capture: the outgoing radiance of texels toward every direction of the grid.
 //!
-//! A [`Capture`] joins a traced scene with a job's plan. Texels are independent: each is a function of (scene, settings, surface, texel), so
-//! tiles run on any number of threads, and a gutter texel is computed by whoever needs it.
+//! A [`Capture`] joins a traced scene with a job's plan. Texels are independent: each is a function of (scene, settings, surface, texel),
+//! so tiles run on any number of threads, and a gutter texel is computed by whoever needs it.
 //!
-//! What a texel holds is what its surface emits, reflects and scatters through, never multiplied by its opacity: a viewer covers what lies behind
-//! by that. Light that passes straight through, a blended surface or clear glass, is not in it; light that rough glass scatters is.
+//! What a texel holds is what its surface emits, reflects and scatters through, never multiplied by its opacity: a viewer covers what lies
+//! behind by that. Light that passes straight through, a blended surface or clear glass, is not in it; light that rough glass scatters is.
 
 mod bake;
 pub(crate) mod clearance;

@@ -68,9 +68,9 @@ impl Capture {
         let at = |step: u32| light[walk.depth(grid, step) as usize].to_array().map(|v| v.max(0.0).sqrt() * UNIT);
         let change = |step: u32| {
             let (a, b) = (at(step - 1), at(step));
-            (0..3).map(|c| (a[c] - b[c]).abs() as u64).sum::<u64>()
+            (0..3).map(|c| (a[c] - b[c]).abs() as u64).fold(0, u64::saturating_add)
         };
-        (1..grid.len()).map(change).sum()
+        (1..grid.len()).map(change).fold(0, u64::saturating_add)
     }
 }
 

@@ -1,5 +1,5 @@
-//! What a light field promises as a whole: its hemisphere integral is the lightmap, directions between those of the grid are interpolated as well
-//! as the grid allows, and the noise that is claimed is the noise that is there.
+//! What a light field promises as a whole: its hemisphere integral is the lightmap, directions between those of the grid are interpolated
+//! as well as the grid allows, and the noise that is claimed is the noise that is there.
 
 use super::tests::{capture, lit_floor, polygon_factor};
 use super::*;

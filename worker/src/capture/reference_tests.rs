@@ -104,8 +104,8 @@ fn independent(scene: &BakeScene, query: &Query, samples: u32) -> [(f64, f64); 3
     })
 }
 
-/// Independent paths agree with Mitsuba's value by value, within common noise; the shared gather, whose noise has long tails where metals face
-/// metals, does on every surface and in the whole room.
+/// Independent paths agree with Mitsuba's value by value, within common noise; the shared gather, whose noise has long tails where metals
+/// face metals, does on every surface and in the whole room.
 fn compare(name: &str) {
     let scene = BakeScene::new(room(name), Simd::Auto).unwrap();
     let table = Table::read(&format!("reference/metallic-roughness/{name}-room.csv"));
@@ -129,7 +129,8 @@ fn compare(name: &str) {
             }
         }
     }
-    // Twelve seeds estimate their own spread, so that z² is Student's, 11/9 on average; channels share their noise: 200 free numbers, not 600.
+    // Twelve seeds estimate their own spread, so that z² is Student's, 11/9 on average; channels share their noise: 200 free numbers, not
+    // 600.
     assert!(z2 < 1.9, "{z2}");
     for (surface, [paths, shared, truth]) in totals {
         let (off, within) = (|v: f64| if truth > 0.0 { (v / truth - 1.0).abs() } else { v }, if surface.is_empty() { 0.01 } else { 0.02 });
@@ -157,9 +158,9 @@ impl Differences {
     }
 }
 
-/// White metal of five roughnesses under a dull room, against Mitsuba's own `roughconductor`: with a base colour of one, the format's Fresnel
-/// term is one, as there. Within 1 % and what the noise of both leaves open; in `make soak` that is next to nothing for paths, and for the mean
-/// of a roughness by the gather, which has few samples for the one narrow lobe of a query.
+/// White metal of five roughnesses under a dull room, against Mitsuba's own `roughconductor`: with a base colour of one, the format's
+/// Fresnel term is one, as there. Within 1 % and what the noise of both leaves open; in `make soak` that is next to nothing for paths, and
+/// for the mean of a roughness by the gather, which has few samples for the one narrow lobe of a query.
 #[test]
 fn a_floor_of_ggx_agrees_with_roughconductor_within_one_percent() {
     let table = Table::read("reference/metallic-roughness/ggx-floor.csv");

@@ -19,8 +19,8 @@ use kiln_proto::{
 
 /// Points whose mean a textured texel's density is made for.
 const POINTS: u32 = 16;
-/// Narrower facets, and Phong exponents above the second number, are aimed at by sets of neighbouring directions: a lobe of the whole grid's
-/// mixture would get too few samples, because it overlaps few others.
+/// Narrower facets, and Phong exponents above the second number, are aimed at by sets of neighbouring directions: a lobe of the whole
+/// grid's mixture would get too few samples, because it overlaps few others.
 const SHARP: (f32, f32) = (0.05, 200.0);
 /// Width of facets that lobes are drawn for where none of a texel's points is rough, though some of it may be: so wide that a narrower lobe
 /// is met now and then.

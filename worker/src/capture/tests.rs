@@ -167,8 +167,8 @@ fn direct_light_on_a_phong_floor_matches_quadrature() {
     assert!(z2 < 2.2, "{z2}");
 }
 
-/// Midpoint rule over the light of [`lit_floor`] for a BRDF's values (wi, wo). World +Y is the normal; local x and y may be any: the BRDF is
-/// isotropic.
+/// Midpoint rule over the light of [`lit_floor`] for a BRDF's values (wi, wo). World +Y is the normal; local x and y may be any: the BRDF
+/// is isotropic.
 pub(super) fn quadrature(value: impl Fn(Vec3, Vec3) -> f32, p: Vec3, wo: Vec3) -> f64 {
     const N: usize = 300;
     let local = |w: DVec3| Vec3::new(w.x as f32, w.z as f32, w.y as f32);

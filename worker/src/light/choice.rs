@@ -1,8 +1,8 @@
 //! Which of many lights without area a vertex asks: resampled importance sampling (Talbot, Cline and Egbert 2005).
 //!
-//! Up to [`CANDIDATES`] lights are drawn by power, and one of them by what it would send here unshadowed; where there are no more lights than
-//! that, all are candidates and the choice is exact. Only the chosen one needs a shadow ray. Choosing by power alone would ask lights whose
-//! range or cone ends elsewhere; a tree of lights (Conty and Kulla 2018) pays off in scenes of thousands that all reach.
+//! Up to [`CANDIDATES`] lights are drawn by power, and one of them by what it would send here unshadowed; where there are no more lights
+//! than that, all are candidates and the choice is exact. Only the chosen one needs a shadow ray. Choosing by power alone would ask lights
+//! whose range or cone ends elsewhere; a tree of lights (Conty and Kulla 2018) pays off in scenes of thousands that all reach.
 
 use super::emitter::{chance, choose, cumulative};
 
@@ -27,8 +27,8 @@ impl Choice {
         Self { cumulative: cumulative(powers.iter().map(|p| p + floor), total) }
     }
 
-    /// Chooses a light in proportion to `contribution` (at least 0) of each, estimated from candidates. Returns its index and what its light
-    /// is to be multiplied with; `None` where no candidate contributes.
+    /// Chooses a light in proportion to `contribution` (at least 0) of each, estimated from candidates. Returns its index and what its
+    /// light is to be multiplied with; `None` where no candidate contributes.
     #[must_use]
     #[inline]
     pub fn pick(&self, u: [f32; 2], contribution: impl Fn(usize) -> f32) -> Option<(usize, f32)> {

@@ -1,7 +1,8 @@
 //! Emissive triangles, chosen by power, sampled uniformly over their area.
 //!
-//! Power is area times the mean luminance of the emission (times the mean of its texture). Sampling the solid angle of each triangle instead
-//! would lower the noise close to large lights, but a density that depends on the shading point must be evaluated again for every hit of MIS.
+//! Power is area times the mean luminance of the emission (times the mean of its texture). Sampling the solid angle of each triangle
+//! instead would lower the noise close to large lights, but a density that depends on the shading point must be evaluated again for every
+//! hit of MIS.
 
 use crate::sampling::warp;
 

@@ -1,9 +1,10 @@
 //! The environment as a light: radiance interpolated between the texels of a lat-long map, and directions sampled in proportion to it.
 //!
-//! The map is looked up as [`Environment`] has it. Its cells, the rectangles between four texel centres, are chosen by mean radiance times solid angle (two cumulative tables);
-//! within a cell the point follows the bilinear radiance exactly (Pharr, Jakob and Humphreys, "Physically Based Rendering", 4th ed., A.5).
-//! So a sun of one texel costs no noise: value over density varies with the cosine of the latitude across one cell, and no more. A table over
-//! texels as constant squares is simpler, but what interpolation spreads into dark neighbours would then be found by chance only.
+//! The map is looked up as [`Environment`] has it. Its cells, the rectangles between four texel centres, are chosen by mean radiance times
+//! solid angle (two cumulative tables); within a cell the point follows the bilinear radiance exactly (Pharr, Jakob and Humphreys,
+//! "Physically Based Rendering", 4th ed., A.5). So a sun of one texel costs no noise: value over density varies with the cosine of the
+//! latitude across one cell, and no more. A table over texels as constant squares is simpler, but what interpolation spreads into dark
+//! neighbours would then be found by chance only.
 
 use super::emitter::{chance, choose, cumulative};
 use glam::Vec3;

@@ -1,10 +1,10 @@
 //! Lights: emissive triangles and the environment, which a path may also find by itself, and lights without area, which it never does.
 //!
-//! The first two share one sampler ([`Lights::sample`]) whose density does not depend on the point that is lit: multiple importance sampling
-//! evaluates it again for every ray that happens to see a light. Between the two the choice is by power, the environment's being what falls on
-//! the sphere around the scene, with at least a quarter for each: a bright sky outside must not starve the lamps of a closed room. Point, spot
-//! and directional lights ([`punctual`]) have weight 1 and are estimated beside them, with a shadow ray of their own; so which of them is
-//! chosen may depend on the point. One sampler over everything would save that ray and pay with more noise than it saves.
+//! The first two share one sampler ([`Lights::sample`]) whose density does not depend on the point that is lit: multiple importance
+//! sampling evaluates it again for every ray that happens to see a light. Between the two the choice is by power, the environment's being
+//! what falls on the sphere around the scene, with at least a quarter for each: a bright sky outside must not starve the lamps of a closed
+//! room. Point, spot and directional lights ([`punctual`]) have weight 1 and are estimated beside them, with a shadow ray of their own; so
+//! which of them is chosen may depend on the point. One sampler over everything would save that ray and pay with more noise than it saves.
 
 pub mod choice;
 pub mod emitter;

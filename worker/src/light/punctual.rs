@@ -1,6 +1,7 @@
 //! Lights without area: what a point, spot or directional light sends to a point, unshadowed.
 //!
-//! Everything that a light's own fields say is here: cone, falloff, the texture that colours it. Who is in its shadow is [`super::shadow`]'s.
+//! Everything that a light's own fields say is here: cone, falloff, the texture that colours it. Who is in its shadow is
+//! [`super::shadow`]'s.
 
 use glam::Vec3;
 use kiln_proto::{
@@ -154,8 +155,8 @@ fn reach_squared(falloff: Falloff, radius: f64) -> f64 {
     }
 }
 
-/// The colour that a light's texture gives it at a position: white where its projector does not reach, as projected textures of surfaces leave
-/// their colour.
+/// The colour that a light's texture gives it at a position: white where its projector does not reach, as projected textures of surfaces
+/// leave their colour.
 fn projected(scene: &Scene, texture: &TextureRef, position: Vec3) -> Rgb {
     let Mapping::Projected { .. } = texture.mapping else { return Rgb::WHITE };
     // Only the position matters to a projector.

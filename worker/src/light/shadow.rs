@@ -1,8 +1,8 @@
 //! Who is in the shadow of a light without area: always what it does not see, or what X3D's fields say (`--x3d-shadows strict`).
 //!
-//! Shadows need no map here, they are traced; a map's fields matter only where it ends. Parts that cast no shadow are invisible to the shadow
-//! rays of these lights and to nothing else: paths, and with them the light of emissive surfaces and of the environment, always see them.
-//! Were next-event estimation blind to a part that the same light's other technique sees, the answer would depend on their weights.
+//! Shadows need no map here, they are traced; a map's fields matter only where it ends. Parts that cast no shadow are invisible to the
+//! shadow rays of these lights and to nothing else: paths, and with them the light of emissive surfaces and of the environment, always see
+//! them. Were next-event estimation blind to a part that the same light's other technique sees, the answer would depend on their weights.
 
 use glam::Vec3;
 use kiln_proto::{

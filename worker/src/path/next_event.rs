@@ -129,8 +129,8 @@ impl Tracer<'_> {
         (!left.is_black()).then(|| Shine { direction: shine.direction, light: shine.light * left, ambient: shine.ambient * left })
     }
 
-    /// The ends of a light's shadow ray, and what it sends there if nothing is in between. A light from behind has only its ambient term, but
-    /// for translucent surfaces, which it shines on as it is seen from there.
+    /// The ends of a light's shadow ray, and what it sends there if nothing is in between. A light from behind has only its ambient term,
+    /// but for translucent surfaces, which it shines on as it is seen from there.
     fn unshadowed(&self, vertex: &Vertex, light: usize) -> Option<(Vec3, Vec3, Shine)> {
         let prim = self.scene.prim(vertex.prim);
         if self.scene.part(prim).unlit_by.binary_search(&(light as u32)).is_ok() {

@@ -1,8 +1,8 @@
 //! Owen-scrambled Sobol' points by hashing (Burley, "Practical Hash-based Owen Scrambling", JCGT 9(4), 2020).
 //!
 //! Every decision of a path takes a pair of dimensions of its own: the same two-dimensional sequence, its index shuffled and its values
-//! scrambled anew from a hash of (seed, surface, texel, dimension). So any sample can be computed from its number alone, in any order, on any
-//! thread. A single sequence of many dimensions lost: its high dimensions pair badly, and its tables do not fit the first-level cache.
+//! scrambled anew from a hash of (seed, surface, texel, dimension). So any sample can be computed from its number alone, in any order, on
+//! any thread. A single sequence of many dimensions lost: its high dimensions pair badly, and its tables do not fit the first-level cache.
 
 /// Which decision a pair of numbers is for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

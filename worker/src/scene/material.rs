@@ -4,6 +4,7 @@ use super::{BakeScene, Prim};
 use crate::bsdf::{Bsdf, Specular, coat::Coat, power::Exponent};
 use glam::{Vec3, Vec4};
 use kiln_proto::{
+    frame::Lie,
     scene::{Lobe, Mapping, Material, MetallicRoughness, NormalMap, Phong, Place, Reflection, Scene, alpha_of, energy_scale},
     units::Rgb,
 };
@@ -131,30 +132,18 @@ impl BakeScene {
             return Some(smooth);
         }
         let corners = self.scene.surfaces[p.surface as usize].uv(set as usize, place.triangle as usize)?;
-        let moved = corners.map(|[u, v]| map.texture.transform.map(|row| row[0] * u + row[1] * v + row[2]));
-        let (e1, e2) = (p.corners[1] - p.corners[0], p.corners[2] - p.corners[0]);
-        let (du1, dv1) = (moved[1][0] - moved[0][0], moved[1][1] - moved[0][1]);
-        let (du2, dv2) = (moved[2][0] - moved[0][0], moved[2][1] - moved[0][1]);
-        let handed = (du1 * dv2 - du2 * dv1).signum();
-        let along = (e1 * dv2 - e2 * dv1) * handed;
+        let lie = Lie::of(p.corners.map(Vec3::as_dvec3), corners.map(|uv| map.texture.moved(uv)))?;
+        let along = lie.along_u.as_vec3();
         let tangent = (along - normal * normal.dot(along)).try_normalize()?;
-        Some((tangent, normal.cross(tangent) * handed))
+        Some((tangent, normal.cross(tangent) * lie.side as f32))
     }
 }
 
 /// A material whose reflection is the same everywhere but for vertex colours.
 pub(super) fn constant(scene: &Scene, material: &Material) -> Option<Bsdf> {
-    let textures = match &material.reflection {
-        Reflection::None => 0,
-        Reflection::Phong(p) => p.layers.len() + usize::from(p.specular_texture.is_some()),
-        Reflection::MetallicRoughness(m) => {
-            let single = [m.metallic_roughness_texture, m.specular_texture, m.specular_color_texture, m.transmission_texture];
-            m.layers.len() + single.iter().flatten().count()
-        }
-    };
     // No surface has this number, so that vertex colours are ones.
     let nowhere = Place { surface: u32::MAX, triangle: 0, bary: [0.0; 2], position: [0.0; 3] };
-    (textures == 0).then(|| evaluate(scene, material, &nowhere))
+    (material.reflection.textures().next().is_none()).then(|| evaluate(scene, material, &nowhere))
 }
 
 fn evaluate(scene: &Scene, material: &Material, place: &Place) -> Bsdf {

@@ -1,10 +1,10 @@
 //! What rays meet and what they pass: alpha masks, blended surfaces, clear glass, both sides.
 //!
 //! Masks and blends are decided as triangles are met, in the traversal. A path passes a blended surface with the chance that it shows what
-//! lies behind, decided by a hash of the path's number and the primitive: the same in whatever order triangles are met, on any machine. A shadow
-//! ray takes the product of what its layers let through instead, which has no noise; stochastic shadows would be as right and noisier. Clear
-//! glass (transmission at roughness 0) goes on coloured, so a path that passes it is weighted. Scenes without any of this take a path of their
-//! own that asks nothing.
+//! lies behind, decided by a hash of the path's number and the primitive: the same in whatever order triangles are met, on any machine. A
+//! shadow ray takes the product of what its layers let through instead, which has no noise; stochastic shadows would be as right and
+//! noisier. Clear glass (transmission at roughness 0) goes on coloured, so a path that passes it is weighted. Scenes without any of this
+//! take a path of their own that asks nothing.
 
 use super::{BakeScene, Prims};
 use crate::{
@@ -26,8 +26,8 @@ const NOTHING: f32 = 1e-30;
 /// Layers after which, and after each doubling of which, it is asked whether anything is left.
 const MANY: usize = 1_024;
 
-/// What layers leave of light, each of which counts once. The product must not depend on the order in which the tree is walked, so that they are
-/// multiplied in the order of primitives.
+/// What layers leave of light, each of which counts once. The product must not depend on the order in which the tree is walked, so that
+/// they are multiplied in the order of primitives.
 fn left(layers: &mut SmallVec<[(u32, Rgb); LAYERS]>) -> Rgb {
     layers.sort_unstable_by_key(|(prim, _)| *prim);
     layers.dedup_by_key(|(prim, _)| *prim);
@@ -200,8 +200,8 @@ impl BakeScene {
         })
     }
 
-    /// A hit of the hierarchy as the side that the ray sees: the back's own primitive where it comes from behind and there is one. The second
-    /// and third corner of a back are exchanged.
+    /// A hit of the hierarchy as the side that the ray sees: the back's own primitive where it comes from behind and there is one. The
+    /// second and third corner of a back are exchanged.
     #[inline]
     fn seen(&self, hit: Hit, direction: Vec3) -> Hit {
         let p = self.prim(hit.prim);

@@ -1,7 +1,7 @@
 //! Primitives: triangles with what a path needs to know of them.
 //!
-//! Both sides of a two-sided surface are primitives, but only the front is in the hierarchy: two triangles in one place would be hit in turns
-//! of rounding. A hit from behind takes the primitive of the back.
+//! Both sides of a two-sided surface are primitives, but only the front is in the hierarchy: two triangles in one place would be hit in
+//! turns of rounding. A hit from behind takes the primitive of the back.
 
 use crate::sampling::warp;
 use glam::{DVec3, Vec3};
@@ -142,8 +142,8 @@ impl Prim {
         0.5 * (self.corners[1] - self.corners[0]).cross(self.corners[2] - self.corners[0]).length()
     }
 
-    /// A point moved out onto the smooth surface that the vertex normals mean (Hanika, "Hacking the Shadow Terminator", Ray Tracing Gems II,
-    /// chapter 4): onto the tangent planes of the corners, weighted. In hollows, where the point lies before those planes, it stays.
+    /// A point moved out onto the smooth surface that the vertex normals mean (Hanika, "Hacking the Shadow Terminator", Ray Tracing Gems
+    /// II, chapter 4): onto the tangent planes of the corners, weighted. In hollows, where the point lies before those planes, it stays.
     #[inline]
     pub(super) fn raised(&self, point: Vec3, [b, c]: [f32; 2], normals: &[Vec3; 3]) -> Vec3 {
         let mut offset = Vec3::ZERO;

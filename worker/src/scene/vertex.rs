@@ -1,7 +1,8 @@
 //! Vertices of paths: where rays leave a surface, its hemisphere, and the normal that reflection sees.
 //!
-//! There are up to three normals at a point. The triangle's own decides what is hit from the front. The interpolated one owns the hemisphere
-//! of the light field: light from below it counts only where the surface lets light through. The mapped one tilts reflection alone.
+//! There are up to three normals at a point. The triangle's own decides what is hit from the front. The interpolated one owns the
+//! hemisphere of the light field: light from below it counts only where the surface lets light through. The mapped one tilts reflection
+//! alone.
 
 use super::{BakeScene, Hit, Prim};
 use crate::{
@@ -48,8 +49,8 @@ impl Vertex {
         above_horizon(self.shading.to_local(direction))
     }
 
-    /// A world direction toward a light as reflection sees it; `None` where light from there leaks below the surface's own horizon, or above it
-    /// while reflection looks below.
+    /// A world direction toward a light as reflection sees it; `None` where light from there leaks below the surface's own horizon, or
+    /// above it while reflection looks below.
     #[must_use]
     #[inline]
     pub fn arriving(&self, direction: Vec3) -> Option<Vec3> {

@@ -98,7 +98,8 @@ fn inside_is_exactly_black_whatever_the_walls_and_the_angle() {
     }
 }
 
-/// A room of side 1 between six boards of this thickness, each of which stands out beyond its neighbours. Surface 6 k is the inside of board k.
+/// A room of side 1 between six boards of this thickness, each of which stands out beyond its neighbours. Surface 6 k is the inside of
+/// board k.
 fn boards(thick: f32, out: f32) -> Scene {
     let mut scene = crate::testing::empty();
     let walls = closed_box(1.0, &grey());
@@ -116,7 +117,8 @@ fn boards(thick: f32, out: f32) -> Scene {
     scene
 }
 
-/// What is seen inside is filtered from texels up to one beyond the edge: those within the walls show the light of the side they are nearer to.
+/// What is seen inside is filtered from texels up to one beyond the edge: those within the walls show the light of the side they are nearer
+/// to.
 #[test]
 fn boards_that_run_through_each_other_are_black_inside_where_they_are_two_texels_thick() {
     for out in [0.05, 0.0725, 0.13] {
