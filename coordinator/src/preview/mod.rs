@@ -1,9 +1,9 @@
 //! The preview without a GPU: a picture of a finished package, ray cast and decoded by the reference of `proto`.
 //!
-//! One renderer for `kiln render`, for `GET /v1/jobs/{id}/preview.png` and for whoever checks the page: they differ only in where a package's
-//! files lie ([`PackageFiles`]). It goes through the picture in bands: first what every pixel sees ([`visibility`]), then all texels that the
-//! band needs in the order of the files ([`shade`]), so that memory depends on the picture and not on the package. Looking texels up pixel
-//! by pixel would need no sorting and, on files that are not in memory, a read for each of four texels of each pixel.
+//! One renderer for `kiln render`, for `GET /v1/jobs/{id}/preview.png` and for whoever checks the page: they differ only in where a
+//! package's files lie ([`PackageFiles`]). It goes through the picture in bands: first what every pixel sees ([`visibility`]), then all
+//! texels that the band needs in the order of the files ([`shade`]), so that memory depends on the picture and not on the package. Looking
+//! texels up pixel by pixel would need no sorting and, on files that are not in memory, a read for each of four texels of each pixel.
 
 pub mod camera;
 mod frame;
@@ -39,9 +39,13 @@ use std::ops::Range;
 /// A number that changes whenever pictures of the same package and view may change: part of every entity tag.
 pub const RENDERER_VERSION: u32 = 3;
 
-/// Rays of one band, at least one row of pixels, and layers whose light is looked up at once: some 380 bytes each for what they see, need and
-/// find, so about 50 MiB; up to 80 more for each of 16 layers where much is seen through.
+/// Rays of one band, at least one row of pixels, and layers whose light is looked up at once: some 380 bytes each for what they see, need
+/// and find, so about 50 MiB; up to 80 more for each of 16 layers where much is seen through.
 const BAND_PIXELS: usize = 1 << 17;
+
+/// Behind layers that leave less than this nothing is looked for: not even what is as bright as a scene may have it
+/// ([`BRIGHTEST`](kiln_proto::limits::BRIGHTEST)) would reach a hundredth there.
+const UNSEEN: f32 = 1e-15;
 
 /// Why there is no picture.
 #[derive(Debug, thiserror::Error)]
@@ -54,7 +58,8 @@ pub enum RenderError {
     Stopped(#[from] Stopped),
 }
 
-/// Finds what `camera` sees, one ray a pixel, in linear radiance, before the environment where the scene has one. Threads: rayon's pool. Memory: 20 bytes a pixel, and that of a band.
+/// Finds what `camera` sees, one ray a pixel, in linear radiance, before the environment where the scene has one. Threads: rayon's pool.
+/// Memory: 32 bytes a pixel, and that of a band.
 ///
 /// # Errors
 /// Files of the package that cannot be read or are damaged.
@@ -113,6 +118,8 @@ impl Bands<'_> {
             }
             frame::add(&mut pixels, &looked, &radiance);
             walks = looked.walks;
+            let rest = pixels.iter().zip(&mut walks);
+            rest.filter(|(pixel, _)| pixel.background.max_channel() < UNSEEN).for_each(|(_, walk)| *walk = Walk::Done);
             if walks.iter().all(|walk| *walk == Walk::Done) {
                 break;
             }

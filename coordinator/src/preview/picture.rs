@@ -1,8 +1,8 @@
 //! The picture as an eye gets it: 3 bytes a pixel under the display curve, each pixel the mean of a square of rays.
 //!
-//! The mean is one of linear light, the background included, before the curve: a pixel half covered by white is then half as bright, and not
-//! half as many levels. Only bytes are kept, and rays for no longer than a band lasts: kept for the whole picture, they would take from seven to
-//! a hundred times the memory. Whoever needs radiance itself has [`super::render`].
+//! The mean is one of linear light, the background included, before the curve: a pixel half covered by white is then half as bright, and
+//! not half as many levels. Only bytes are kept, and rays for no longer than a band lasts: kept for the whole picture, they would take from
+//! seven to a hundred times the memory. Whoever needs radiance itself has [`super::render`].
 
 use super::{
     camera::PictureSize,

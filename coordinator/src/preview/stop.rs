@@ -1,8 +1,8 @@
 //! When to give a picture up: nobody wants it any more, or it has taken too long.
 //!
 //! Asked between rows of rays and between reads of texels: often enough that a stop is felt at once, and seldom enough to cost nothing. A
-//! thread cannot be ended from outside, and one that runs on holds up whoever waits for it, such as the end of the service. The hierarchy is
-//! the one step that is not interrupted.
+//! thread cannot be ended from outside, and one that runs on holds up whoever waits for it, such as the end of the service. The hierarchy
+//! is the one step that is not interrupted.
 
 use std::time::Instant;
 use tokio_util::sync::CancellationToken;

@@ -1,11 +1,12 @@
 //! What every ray sees: the nearest front of a triangle, where on it, and what is seen through it.
 //!
 //! obvhs builds the hierarchy and walks it; the triangle test is ours, in f64: the three edge functions of a ray are triple products, and
-//! two triangles that share an edge compute the same one with opposite sign, so that no ray slips through between them. Boxes are grown
-//! by the rounding of obvhs's f32 box test, which would otherwise tear the same gaps. Backs are not there: a room can be looked into from
-//! outside; what has two sides has two surfaces, and each ray finds that which faces it. Holes of masks are asked for as triangles are met; behind what
-//! is blended or clear the ray is followed on, from the nearest layer to the farthest. The hierarchy is built for each picture (a second for a million triangles), because its boxes depend on how far the eye is;
-//! keeping it for several would save time only where the same scene is looked at again and again.
+//! two triangles that share an edge compute the same one with opposite sign, so that no ray slips through between them. Boxes are grown by
+//! the rounding of obvhs's f32 box test, which would otherwise tear the same gaps. Backs are not there: a room can be looked into from
+//! outside; what has two sides has two surfaces, and each ray finds that which faces it. Holes of masks are asked for as triangles are met;
+//! behind what is blended or clear the ray is followed on, from the nearest layer to the farthest. The hierarchy is built for each picture
+//! (a second for a million triangles), because its boxes depend on how far the eye is; keeping it for several would save time only where
+//! the same scene is looked at again and again.
 
 use super::{
     camera::Camera,
@@ -122,7 +123,8 @@ impl<'a> Stage<'a> {
         Self { scene, plan, corners, frames, first, charts, veils: veils(scene), tree }
     }
 
-    /// What the rays through some rows of the picture see next, row by row, each from where it has come. Asks before each row whether to go on.
+    /// What the rays through some rows of the picture see next, row by row, each from where it has come. Asks before each row whether to go
+    /// on.
     pub(super) fn look(&self, camera: &Camera, rows: Range<u32>, walks: &[Walk], stop: &Stop) -> Result<Looked, Stopped> {
         let row = |(y, walks): (u32, &[Walk])| {
             let mut row = Looked::default();
@@ -198,11 +200,13 @@ impl<'a> Stage<'a> {
         (hit.t, hit.triangle) > (last.t, last.triangle) && (hit.t > last.t * (1.0 + GROW) || !same())
     }
 
-    /// The nearest front along a ray behind the hit `last`; of equally near ones that of the lowest number, which a page that draws in this order
-    /// shows, too.
+    /// The nearest front along a ray behind the hit `last`; of equally near ones that of the lowest number, which a page that draws in this
+    /// order shows, too.
     fn closest(&self, origin: DVec3, direction: Vec3, last: Option<Hit>) -> Option<Hit> {
         let (mut best, d): (Option<Hit>, _) = (None, direction.as_dvec3());
-        let ray = Ray::new_inf(origin.as_vec3().into(), direction.into());
+        // Boxes are walked from the last layer on; distances stay those from the eye, so that they compare.
+        let begin = last.map_or(0.0, |last| last.t * (1.0 - GROW));
+        let ray = Ray::new_inf((origin + d * f64::from(begin)).as_vec3().into(), direction.into());
         self.tree.ray_traverse(ray, &mut RayHit::none(), |_, at| {
             let triangle = self.tree.primitive_indices[at] as usize;
             let Some(hit) = self.cross(triangle, origin, d) else { return f32::INFINITY };
@@ -212,7 +216,7 @@ impl<'a> Stage<'a> {
                 best = Some(hit);
             }
             // A little farther than it is: what is as near must still be looked at.
-            best.map_or(f32::INFINITY, |best| best.t * (1.0 + GROW))
+            best.map_or(f32::INFINITY, |best| best.t * (1.0 + GROW) - begin)
         });
         best
     }
@@ -247,8 +251,9 @@ fn veils(scene: &Scene) -> Vec<Option<u32>> {
     scene.surfaces.iter().flat_map(|s| s.part_of_triangles().map(move |part| material(s, part))).collect()
 }
 
-/// The hierarchy over boxes, without obvhs's optimiser, which may make a tree deeper than the stack that its traversal reserves, and without
-/// its self-test in debug builds, whose recursion a scene of a thousand identical triangles, one long chain, takes off the end of the stack.
+/// The hierarchy over boxes, without obvhs's optimiser, which may make a tree deeper than the stack that its traversal reserves, and
+/// without its self-test in debug builds, whose recursion a scene of a thousand identical triangles, one long chain, takes off the end of
+/// the stack.
 fn build(boxes: &[Aabb]) -> Bvh2 {
     if boxes.is_empty() {
         return Bvh2::default();
