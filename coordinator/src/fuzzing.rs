@@ -4,9 +4,9 @@
 //! same bodies and the same count of memory as `cargo fuzz` (folder `fuzz`). A cargo feature would hide them better and build everything
 //! twice.
 
+mod declared;
+
 use crate::import::{Bundle, Content, Part, X3dEncoding, import_bundle, rewrite_x3d};
-use exr::meta::MetaData;
-use image::{ImageDecoder as _, ImageFormat, ImageReader, codecs::hdr::HdrDecoder};
 use kiln_proto::{
     format::{Header, Kind, container, header, manifest::Manifest, surface::SurfaceFiles},
     options::ImportOptions,
@@ -27,7 +27,7 @@ pub struct Target {
     pub name: &'static str,
     /// Reads bytes.
     pub run: fn(&[u8]),
-    /// Bytes that it may hold for the images that its input declares.
+    /// Bytes that it may hold for what its input declares: images, and the text that a gzip stream unpacks to.
     pub images: fn(&[u8]) -> u64,
 }
 
@@ -35,27 +35,27 @@ const fn target(name: &'static str, run: fn(&[u8])) -> Target {
     Target { name, run, images: |_| 0 }
 }
 
-/// A target whose input may have images in it.
-const fn pictured(name: &'static str, run: fn(&[u8])) -> Target {
-    Target { name, run, images: declared_images }
+/// A target that imports a scene: content goes before names, so each may hold what any format may.
+const fn scene(name: &'static str, run: fn(&[u8])) -> Target {
+    Target { name, run, images: |bytes| declared::files(&[("", bytes)]) }
 }
 
 /// All of them.
 pub const TARGETS: [Target; 22] = [
-    target("obj", |bytes| import("s.obj", bytes)),
-    target("mtl", mtl),
-    pictured("gltf", |bytes| import("s.gltf", bytes)),
-    pictured("glb", |bytes| import("s.glb", bytes)),
-    target("x3d_xml", |bytes| import("s.x3d", bytes)),
-    target("x3d_classic", |bytes| import("s.x3dv", bytes)),
-    target("x3d_json", |bytes| import("s.x3dj", bytes)),
-    target("x3d_gzip", |bytes| import("s.x3dz", bytes)),
-    target("x3d_rewrite", rewrite),
-    pictured("bundle", files),
+    scene("obj", |bytes| import("s.obj", bytes)),
+    scene("mtl", mtl),
+    scene("gltf", |bytes| import("s.gltf", bytes)),
+    scene("glb", |bytes| import("s.glb", bytes)),
+    scene("x3d_xml", |bytes| import("s.x3d", bytes)),
+    scene("x3d_classic", |bytes| import("s.x3dv", bytes)),
+    scene("x3d_json", |bytes| import("s.x3dj", bytes)),
+    scene("x3d_gzip", |bytes| import("s.x3dz", bytes)),
+    scene("x3d_rewrite", rewrite),
+    Target { name: "bundle", run: files, images: |bytes| declared::files(&parts(bytes)) },
     target("zip", zip),
-    Target { name: "image", run: crate::import::fuzz_image, images: |bytes| declared_images(bytes).max(declared_tga(bytes)) },
-    Target { name: "hdr", run: |bytes| environment("e.hdr", bytes), images: declared_hdr },
-    Target { name: "exr", run: |bytes| environment("e.exr", bytes), images: declared_exr },
+    Target { name: "image", run: crate::import::fuzz_image, images: declared::picture },
+    Target { name: "hdr", run: |bytes| environment("e.hdr", bytes), images: declared::hdr },
+    Target { name: "exr", run: |bytes| environment("e.exr", bytes), images: declared::exr },
     target("frame", frames),
     target("segment", segment),
     target("scene", |bytes| drop(Scene::from_bytes(bytes))),
@@ -70,57 +70,6 @@ pub const TARGETS: [Target; 22] = [
 #[must_use]
 pub fn find(name: &str) -> Option<Target> {
     TARGETS.into_iter().find(|t| t.name == name)
-}
-
-/// Bytes that decoding the images in a file may take by what they say of their size: eight a pixel while they are decoded (four channels of
-/// 16 bits), eight more for what is made of them. Images are found by the magic numbers of PNG, JPEG and BMP, as they are or in base64.
-fn declared_images(bytes: &[u8]) -> u64 {
-    let starts = (0..bytes.len()).filter(|at| begins_image(&bytes[*at..]));
-    let sizes = starts.filter_map(|at| ImageReader::new(Cursor::new(&bytes[at..])).with_guessed_format().ok()?.into_dimensions().ok());
-    let sum = sizes.map(pixels).fold(0, u64::saturating_add);
-    let marks = bytes.windows(7).enumerate().filter(|(_, w)| *w == b"base64,").map(|(at, _)| &bytes[at + 7..]);
-    marks.take(64).fold(sum, |sum, rest| sum.saturating_add(in_base64(rest)))
-}
-
-/// Two letters are too little of a BMP: chance writes them, and what follows would declare gigabytes. So its reserved zeros and the first three
-/// bytes of the length of its second header are looked at as well.
-fn begins_image(bytes: &[u8]) -> bool {
-    let is_bmp = || bytes.starts_with(b"BM") && bytes.get(6..10) == Some(&[0; 4]) && bytes.get(15..18) == Some(&[0; 3]);
-    bytes.starts_with(b"\x89PNG") || bytes.starts_with(b"\xff\xd8\xff") || is_bmp()
-}
-
-/// What the bytes declare if they are a TGA, which no magic number tells.
-fn declared_tga(bytes: &[u8]) -> u64 {
-    ImageReader::with_format(Cursor::new(bytes), ImageFormat::Tga).into_dimensions().map_or(0, pixels)
-}
-
-/// Two pictures of three floats each: what is decoded, and what is made of it.
-fn declared_hdr(bytes: &[u8]) -> u64 {
-    let size = HdrDecoder::new_nonstrict(Cursor::new(bytes)).map(|decoder| decoder.dimensions());
-    size.map_or(0, |size| pixels(size).saturating_mul(2))
-}
-
-/// The same for every layer of the file and for its display window, and its own samples.
-fn declared_exr(bytes: &[u8]) -> u64 {
-    let Ok(meta) = MetaData::read_from_buffered(Cursor::new(bytes), false) else { return 0 };
-    let picture = |size: exr::prelude::Vec2<usize>| pixels((size.width() as u32, size.height() as u32));
-    let layer = |header: &exr::meta::header::Header| {
-        let data = picture(header.layer_size).saturating_mul(2 + header.channels.list.len() as u64);
-        data.saturating_add(picture(header.shared_attributes.display_window.size).saturating_mul(2))
-    };
-    meta.headers.iter().map(layer).fold(0, u64::saturating_add)
-}
-
-fn pixels((width, height): (u32, u32)) -> u64 {
-    (u64::from(width) * u64::from(height)).saturating_mul(16)
-}
-
-fn in_base64(text: &[u8]) -> u64 {
-    use base64::{Engine as _, engine::general_purpose::STANDARD_NO_PAD};
-    let is_digit = |b: &u8| b.is_ascii_alphanumeric() || matches!(b, b'+' | b'/');
-    let length = text.iter().position(|b| !is_digit(b)).unwrap_or(text.len());
-    let whole = length / 4 * 4;
-    STANDARD_NO_PAD.decode(&text[..whole]).map_or(0, |bytes| declared_images(&bytes))
 }
 
 fn bundle(parts: Vec<(&str, &[u8])>, main: &str) -> Option<Bundle> {
@@ -141,8 +90,8 @@ fn import(name: &str, bytes: &[u8]) {
 /// Begins a file of the target `bundle`; its name and a line feed follow.
 const FILE: &[u8] = b"\n#### ";
 
-/// Several files, the first of which is the scene: what one says of another is reached in no other way.
-fn files(bytes: &[u8]) {
+/// The files of an input, each with its name.
+fn parts(bytes: &[u8]) -> Vec<(&str, &[u8])> {
     let (mut parts, mut rest) = (vec![], bytes);
     while let Some(named) = rest.strip_prefix(FILE) {
         let Some(line) = named.iter().position(|b| *b == b'\n') else { break };
@@ -152,6 +101,12 @@ fn files(bytes: &[u8]) {
         parts.push((name, &content[..length]));
         rest = &content[length..];
     }
+    parts
+}
+
+/// Several files, the first of which is the scene: what one says of another is reached in no other way.
+fn files(bytes: &[u8]) {
+    let parts = parts(bytes);
     let main = parts.first().map_or("", |part| part.0);
     if let Some(bundle) = bundle(parts, main) {
         drop(import_bundle(&bundle, &ImportOptions::default()));

@@ -25,8 +25,8 @@ fn corpus(target: &str) -> Vec<(PathBuf, Vec<u8>)> {
     paths.into_iter().map(|path| (path.clone(), std::fs::read(path).unwrap())).collect()
 }
 
-/// The count of memory is that of the whole process: the other test does next to nothing beside this one. Each input is also cut short, which
-/// is what uploads do. Inputs of a corpus are small beside the base of the bound, so files of megabytes follow.
+/// The count of memory is that of the whole process: the other test does next to nothing beside this one. Each input is also cut short,
+/// which is what uploads do. Inputs of a corpus are small beside the base of the bound, so files of megabytes go before.
 #[test]
 fn no_parser_panics_or_takes_more_memory_than_it_may() {
     assert!(bounds::peak(|| drop(std::hint::black_box(vec![1u8; 3 << 20]))) >= 3 << 20, "memory is not counted");

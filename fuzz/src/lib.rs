@@ -1,7 +1,7 @@
 //! What every fuzz target does around its parser: it counts memory and time.
 //!
-//! Too much of either is a crash, and libFuzzer keeps the input. Time is that of the processor, of all threads: a wall clock would judge how
-//! busy the machine is. (`-timeout` of libFuzzer ends what hangs for good.)
+//! Too much of either is a crash, and libFuzzer keeps the input. Time is that of the processor, of all threads: a wall clock would judge
+//! how busy the machine is. (`-timeout` of libFuzzer ends what hangs for good.)
 
 pub mod bounds;
 
@@ -32,7 +32,7 @@ pub fn run(target: Target, input: &[u8]) {
     let peak = bounds::peak(|| (target.run)(input));
     let (took, most) = (processor_time() - begun, Duration::from_secs_f64((input.len() as f64 / BYTES_PER_SECOND).max(1.0)));
     assert!(took <= most, "{}: {} bytes took {took:?}; {most:?} are allowed", target.name, input.len());
-    // What images declare is looked for only where it matters: it costs more than most parsers.
+    // What is declared is looked for only where it matters: it costs more than most parsers.
     if peak > bounds::allowed(input, 0) {
         let allowed = bounds::allowed(input, (target.images)(input));
         assert!(peak <= allowed, "{}: {} bytes of input took {peak} bytes at once; {allowed} are allowed", target.name, input.len());

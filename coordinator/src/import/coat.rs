@@ -1,8 +1,9 @@
 //! A clear coat folded into the one specular lobe that the canonical material has (KHR_materials_clearcoat).
 //!
-//! The coat is a second lobe of index of refraction 1.5 above the material. Its reflectance at normal incidence joins that of the lobe below,
-//! which it dims, and the roughness of the two is their mean weighted by reflectance. Energy and the strength of reflections survive; a sharp
-//! highlight upon a blurred one becomes one of middle width. A lobe of its own would cost every material a third term for a rare one.
+//! The coat is a second lobe of index of refraction 1.5 above the material. Its reflectance at normal incidence joins that of the lobe
+//! below, which it dims, and the roughness of the two is their mean weighted by reflectance. Energy and the strength of reflections
+//! survive; a sharp highlight upon a blurred one becomes one of middle width. A lobe of its own would cost every material a third term for
+//! a rare one.
 //!
 //! Where textures multiply the factors, the fold is that of their means, and factors change in proportion: textures keep their contrast.
 //! A fold texel by texel would need a new set of textures for each material, and still be wrong wherever two of them are laid differently.

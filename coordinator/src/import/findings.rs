@@ -32,7 +32,8 @@ impl<'a> At<'a> {
         Self { file, line: Some(line), column: Some(column) }
     }
 
-    fn problem(self, message: impl Into<String>) -> Problem {
+    /// A problem here.
+    pub(super) fn problem(self, message: impl Into<String>) -> Problem {
         let message = message.into();
         let message = if let Some(column) = self.column { format!("column {column}: {message}") } else { message };
         Problem { message, file: Some(self.file.to_owned()), line: self.line }
@@ -46,7 +47,7 @@ pub(super) struct Findings {
     warnings: Vec<Problem>,
     /// Warnings cut off at [`MAX_WARNINGS`].
     unsaid: usize,
-    /// Warnings that are said once with a count, by their words: the first place and how many.
+    /// Warnings that are said once with a count, by their words: the first place, with what stands before the words, and how many.
     counted: BTreeMap<&'static str, (Problem, u64)>,
     /// What was already said once.
     said: BTreeSet<String>,
@@ -69,7 +70,7 @@ impl Findings {
 
     /// Warns where there is still room: `make` finds the place and the words, which may cost more than the warning is worth, only then.
     pub(super) fn warn_lazily<'a>(&mut self, make: impl FnOnce() -> (At<'a>, String)) {
-        if self.takes_warnings() {
+        if self.warnings.len() < MAX_WARNINGS {
             let (at, message) = make();
             self.warnings.push(at.problem(message));
         } else {
@@ -77,21 +78,21 @@ impl Findings {
         }
     }
 
-    /// Whether another warning would be kept.
-    pub(super) fn takes_warnings(&self) -> bool {
-        self.warnings.len() < MAX_WARNINGS
-    }
-
     /// Warns at the first place where `key` happens in this file, and is silent afterwards.
     pub(super) fn warn_once(&mut self, at: At<'_>, key: &str, message: impl Into<String>) {
-        let key = format!("{}\n{key}", at.file);
+        self.warn_once_lazily(at.file, key, || (at, message.into()));
+    }
+
+    /// The same for a place in `file` and words that are found only where they are said.
+    pub(super) fn warn_once_lazily<'a>(&mut self, file: &str, key: &str, make: impl FnOnce() -> (At<'a>, String)) {
+        let key = format!("{file}\n{key}");
         if self.said.contains(&key) {
             return;
         }
         // Where there is no room for further keys, their warnings are not told apart and all count.
         if self.said.len() < MAX_WARNINGS {
             self.said.insert(key);
-            self.warn(at, message);
+            self.warn_lazily(make);
         } else {
             self.unsaid += 1;
         }
@@ -99,7 +100,19 @@ impl Findings {
 
     /// Counts something that may happen a million times; reported as `what: N, the first here`.
     pub(super) fn count(&mut self, at: At<'_>, what: &'static str) {
-        self.counted.entry(what).or_insert_with(|| (at.problem(""), 0)).1 += 1;
+        self.count_lazily(what, 1, || (at, String::new()));
+    }
+
+    /// Counts `number` of them at once. `first` finds the place, and what is said before the words, only where these are the first.
+    pub(super) fn count_lazily<'a>(&mut self, what: &'static str, number: u64, first: impl FnOnce() -> (At<'a>, String)) {
+        if number > 0 {
+            let first = || {
+                // Where in its line the first of many stands tells nothing of the others.
+                let (At { file, line, .. }, before) = first();
+                (Problem { message: before, file: Some(file.to_owned()), line }, 0)
+            };
+            self.counted.entry(what).or_insert_with(first).1 += number;
+        }
     }
 
     /// Makes errors of all warnings so far: where nothing is left, what was left out is the reason.
@@ -127,7 +140,8 @@ impl Findings {
     pub(super) fn into_warnings(self) -> Vec<Problem> {
         let mut warnings = self.warnings;
         for (what, (first, count)) in self.counted {
-            let message = if count == 1 { format!("{what}: 1, here") } else { format!("{what}: {count}, the first here") };
+            let before = &first.message;
+            let message = if count == 1 { format!("{before}{what}: 1, here") } else { format!("{before}{what}: {count}, the first here") };
             warnings.push(Problem { message, ..first });
         }
         if self.unsaid > 0 {
@@ -164,5 +178,18 @@ mod tests {
         let warnings = findings.into_warnings();
         assert_eq!(warnings.len(), MAX_WARNINGS + 1);
         assert_eq!(warnings[MAX_WARNINGS].message, "6 further warnings are not listed");
+    }
+
+    #[test]
+    fn what_is_counted_is_said_however_much_else_was() {
+        let mut findings = Findings::default();
+        (0..MAX_WARNINGS).for_each(|i| findings.warn(At::file("a"), i.to_string()));
+        findings.count(At::column("a", 2, 7), "odd");
+        findings.count_lazily("even", 0, || unreachable!());
+        for _ in 0..2 {
+            findings.count_lazily("even", 3, || (At::line("b", 5), "/here: ".to_owned()));
+        }
+        let warnings: Vec<String> = findings.into_warnings()[MAX_WARNINGS..].iter().map(ToString::to_string).collect();
+        assert_eq!(warnings, ["b:5: /here: even: 6, the first here", "a:2: odd: 1, here"]);
     }
 }

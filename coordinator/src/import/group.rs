@@ -1,10 +1,10 @@
 //! Many small surfaces share one texture: a tree of a thousand leaves is one surface of a thousand parts.
 //!
-//! A surface costs files, an atlas and gutters of its own, which is more than a small one is worth. In scenes of more than a few dozen surfaces
-//! those that are small in area and triangles become parts of surfaces called `atlas`, `atlas-2`, …, in the order of the file, so that what was
-//! modelled together stays together. What is treated differently later stays apart: emitters, what light passes through, smooth and flat
-//! shading, and the two sides of what is seen from both, whose atlases are a pair like the surfaces were. Every texel has the same density
-//! whatever the part, so classes of size would save nothing.
+//! A surface costs files, an atlas and gutters of its own, which is more than a small one is worth. In scenes of more than a few dozen
+//! surfaces those that are small in area and triangles become parts of surfaces called `atlas`, `atlas-2`, …, in the order of the file, so
+//! that what was modelled together stays together. What is treated differently later stays apart: emitters, what light passes through,
+//! smooth and flat shading, and the two sides of what is seen from both, whose atlases are a pair like the surfaces were. Every texel has
+//! the same density whatever the part, so classes of size would save nothing.
 
 use super::{
     name::{Names, Stems},

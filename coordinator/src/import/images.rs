@@ -1,7 +1,7 @@
 //! The textures of a scene: each image is decoded once for each meaning that its bytes have, whoever asks for it.
 //!
-//! The bounds are those of `texture`, and all images together are bounded too. An image keeps its alpha channel only where somebody uses it:
-//! the first who does has it decoded again in place, which costs time rarely instead of memory always.
+//! The bounds are those of `texture`, and all images together are bounded too. An image keeps its alpha channel only where somebody uses
+//! it: the first who does has it decoded again in place, which costs time rarely instead of memory always.
 
 use super::{
     Bundle, BundlePath,
@@ -89,34 +89,8 @@ impl Images {
         }
         let key = key(name, wanted);
         let place = self.images.get(&key).copied().flatten().map(|image| image.id);
-        let bytes = read().map_err(|problem| findings.push_error(problem)).ok();
-        let decoded = bytes.and_then(|bytes| {
-            let decoded = texture::decode(name, &bytes, wanted.coding, wanted.alpha);
-            decoded.map_err(|e| findings.error(at, format!("the image `{name}` {e}"))).ok()
-        });
-        let image = decoded.and_then(|decoded| self.keep(decoded, place, at, findings));
+        let image = decode(name, wanted, at, findings, read).and_then(|decoded| self.keep(decoded, place, at, findings));
         self.images.insert(key, image);
-        image
-    }
-
-    /// A linear texture made of the texels of another one, under a name that stands for exactly this.
-    pub(super) fn derive(
-        &mut self,
-        name: &str,
-        source: u32,
-        texel: impl Fn(&[u8]) -> [u8; 3],
-        at: At<'_>,
-        findings: &mut Findings,
-    ) -> Option<Image> {
-        let wanted = Wanted { coding: Coding::Linear, alpha: false };
-        if let Some(known) = self.known(name, wanted) {
-            return known;
-        }
-        let from = self.textures.get(source as usize).filter(|_| !self.is_full())?;
-        let texels = from.texels.chunks_exact(from.channels()).flat_map(texel).collect();
-        let texture = Texture { name: name.to_owned(), coding: Coding::Linear, has_alpha: false, texels, ..*from };
-        let image = self.keep(Decoded { texture, transparent: false }, None, at, findings);
-        self.images.insert(key(name, wanted), image);
         image
     }
 
@@ -126,8 +100,8 @@ impl Images {
         *self.means.entry((id, texture.has_alpha)).or_insert_with(|| mean(texture))
     }
 
-    /// The means (as [`Images::mean`] has them, without alpha) over an image that does not become a texture of the scene; `None` where it was
-    /// refused, or where more has been decoded for such means than the textures of a scene may have.
+    /// The means (as [`Images::mean`] has them, without alpha) over an image that does not become a texture of the scene; `None` where it
+    /// was refused, or where more has been decoded for such means than the textures of a scene may have.
     pub(super) fn measure<'b>(
         &mut self,
         name: &str,
@@ -147,11 +121,7 @@ impl Images {
         if self.measured_bytes > limits::BUNDLE_BYTES || findings.is_full() {
             return None;
         }
-        let bytes = read().map_err(|problem| findings.push_error(problem)).ok();
-        let decoded = bytes.and_then(|bytes| {
-            let decoded = texture::decode(name, &bytes, coding, false);
-            decoded.map_err(|e| findings.error(at, format!("the image `{name}` {e}"))).ok()
-        });
+        let decoded = decode(name, wanted, at, findings, read);
         self.measured_bytes += decoded.as_ref().map_or(0, |decoded| decoded.texture.texels.len() as u64);
         let mean = decoded.map(|decoded| mean(&decoded.texture));
         self.measured.insert(key, mean);
@@ -182,6 +152,19 @@ impl Images {
         }
         Some(Image { id, transparent })
     }
+}
+
+/// Reads and decodes an image; `None` where that fails, which is told.
+pub(super) fn decode<'b>(
+    name: &str,
+    wanted: Wanted,
+    at: At<'_>,
+    findings: &mut Findings,
+    read: impl FnOnce() -> Result<Cow<'b, [u8]>, Problem>,
+) -> Option<Decoded> {
+    let bytes = read().map_err(|problem| findings.push_error(problem)).ok()?;
+    let decoded = texture::decode(name, &bytes, wanted.coding, wanted.alpha);
+    decoded.map_err(|e| findings.error(at, format!("the image `{name}` {e}"))).ok()
 }
 
 /// The means over a texture's texels, of colours in linear light; alpha is one where it has none.
@@ -236,6 +219,24 @@ impl Images {
     /// What an importer made by a recipe before; nothing, where the textures are too large already. `None` where it has to be made.
     pub(super) fn known_made(&self, recipe: &str) -> Option<Option<Image>> {
         self.images.get(&made_key(recipe)).copied().or_else(|| self.is_full().then_some(None))
+    }
+
+    /// A linear texture made of the texels of another one by a recipe, which is also what it is called.
+    pub(super) fn derive(
+        &mut self,
+        recipe: &str,
+        source: u32,
+        texel: impl Fn(&[u8]) -> [u8; 3],
+        at: At<'_>,
+        findings: &mut Findings,
+    ) -> Option<Image> {
+        if let Some(known) = self.known_made(recipe) {
+            return known;
+        }
+        let from = self.textures.get(source as usize)?;
+        let texels = from.texels.chunks_exact(from.channels()).flat_map(texel).collect();
+        let texture = Texture { name: recipe.to_owned(), coding: Coding::Linear, has_alpha: false, texels, ..*from };
+        self.keep_made(recipe, Some(Decoded { texture, transparent: false }), at, findings)
     }
 
     /// How opacity is meant where a file does not say: a factor below one blends, an image that is nearly all or nothing is cut out at

@@ -12,6 +12,7 @@ mod findings;
 pub mod format;
 mod gltf;
 mod group;
+mod guard;
 mod images;
 pub mod mesh;
 mod name;
@@ -55,11 +56,11 @@ pub struct Imported {
     pub statistics: SceneStatistics,
 }
 
-/// Imports the main file of a bundle with everything it refers to, and the environment that the options name. Cost: linear in the bytes of the
-/// bundle and in the triangles and texels that they describe, but for concave polygons of n corners, which take about n log n.
+/// Imports the main file of a bundle with everything it refers to, and the environment that the options name. Cost: linear in the bytes of
+/// the bundle and in the triangles and texels that they describe, but for concave polygons of n corners, which take about n log n.
 ///
 /// # Errors
-/// Every fault found, located, in the order found; at least one.
+/// The faults found, located, by file and line; at least one. Reading stops after twenty, which is then the last thing said.
 pub fn import_bundle(bundle: &Bundle, options: &ImportOptions) -> Result<Imported, Vec<Problem>> {
     let mut findings = Findings::default();
     let scene = import(bundle, options, &mut findings);
@@ -83,10 +84,6 @@ fn import(bundle: &Bundle, options: &ImportOptions, findings: &mut Findings) -> 
     scene.textures = images.textures;
     up::turn(&mut scene, options.up);
     if let Some(environment) = environment::import(bundle, options, findings) {
-        if let Some(own) = &scene.environment {
-            let message = format!("the scene's own environment `{}` gives way to the one that the options name", own.name);
-            findings.warn(At::file(main.as_str()), message);
-        }
         scene.environment = Some(environment);
     }
     if findings.has_errors() {

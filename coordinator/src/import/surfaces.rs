@@ -1,7 +1,8 @@
 //! Surfaces from meshes in the world, one after the other, until they are the geometry of a scene: what all importers do alike.
 //!
-//! A mesh is handed over whole with the polygons of it that one surface takes, so that importers may compute on the file as one mesh (normals
-//! across objects, say) and still make many surfaces of it. Cost: linear in the corners, but for concave polygons (`mesh::triangulate`).
+//! A mesh is handed over whole with the polygons of it that one surface takes, so that importers may compute on the file as one mesh
+//! (normals across objects, say) and still make many surfaces of it. Cost: linear in the corners, but for concave polygons
+//! (`mesh::triangulate`).
 
 use super::{
     findings::{At, Findings},
@@ -33,6 +34,19 @@ pub(super) struct Look<'n> {
     pub(super) shadow_maps: Vec<(u32, ShadowMap)>,
 }
 
+/// What a surface is called: like its object, and `OBJECT.MATERIAL` where the object has several materials. Of a long name of an object
+/// the end is kept, from a word on: CAD programs list the assemblies around a part before it, and the beginning is what all parts share.
+pub(super) fn called(object: &str, material: Option<&str>) -> String {
+    let ending: String = material.into_iter().flat_map(|name| ['.'].into_iter().chain(name.chars())).take(NAME_CHARS / 2).collect();
+    let room = NAME_CHARS - ending.chars().count();
+    let Some((from, _)) = object.char_indices().rev().nth(room) else { return format!("{object}{ending}") };
+    let end = object[from..].trim_start_matches(|c: char| !c.is_whitespace()).trim_start();
+    // A word that is too long itself begins anywhere.
+    let last = || object[from..].chars().skip(1).collect();
+    let kept = if end.is_empty() { last() } else { end.to_owned() };
+    format!("{kept}{ending}")
+}
+
 /// The mean of vertex colours, for materials that cannot take them vertex by vertex; `None` where there are none.
 pub(super) fn mean_colour(colours: impl Iterator<Item = [f32; 4]>) -> Option<[f32; 3]> {
     let mut count = 0u32;
@@ -53,6 +67,8 @@ pub(super) struct Surfaces {
     backs: Vec<Option<u32>>,
     names: Names,
     stems: Stems,
+    /// Whether a surface lost its normals, so that some may belong to none.
+    flattened: bool,
 }
 
 impl Surfaces {
@@ -77,7 +93,7 @@ impl Surfaces {
         while surface.uv_sets.last().is_some_and(|set| set.iter().all(Option::is_none)) {
             surface.uv_sets.pop();
         }
-        if !self.are_flat(&surface.triangles, &normals) {
+        if !self.are_flat(&surface.triangles, normals.iter().copied()) {
             surface.normals = normals.iter().map(|n| n.map(|n| self.weld.normals.id(n))).collect();
         }
         let part = Part {
@@ -126,7 +142,7 @@ impl Surfaces {
     }
 
     /// Whether normals all are those of their triangles: such a surface needs none and is laid out polygon by polygon.
-    fn are_flat(&self, triangles: &[Triangle], normals: &[[[f32; 3]; 3]]) -> bool {
+    fn are_flat(&self, triangles: &[Triangle], normals: impl Iterator<Item = [[f32; 3]; 3]>) -> bool {
         let wide = |v: [f32; 3]| -> DVec3 { Vec3::from_array(v).as_dvec3() };
         triangles.iter().zip(normals).all(|(t, normals)| {
             let [a, b, c] = t.corners.map(|c| wide(self.weld.positions.values[c as usize]));
@@ -135,8 +151,14 @@ impl Surfaces {
         })
     }
 
-    /// Adds a surface of this name and part, the names of both still to be given.
+    /// Adds a surface of this name and part, the names of both still to be given. One that is flat by its normals does not keep them; its
+    /// tangents are the author's all the same.
     pub(super) fn push(&mut self, mut surface: Surface, part: Part, name: &str, two_sided: bool, back: Option<u32>) {
+        let normals = surface.normals.iter().map(|ids| ids.map(|id| self.weld.normals.values[id as usize]));
+        if !surface.normals.is_empty() && self.are_flat(&surface.triangles, normals) {
+            surface.normals = vec![];
+            self.flattened = true;
+        }
         let wanted: String = name.chars().take(NAME_CHARS).collect();
         surface.name = self.names.take(&wanted);
         surface.file_stem = self.stems.take(&surface.name);
@@ -152,7 +174,11 @@ impl Surfaces {
     }
 
     /// Hands all over to the scene, with backs.
-    pub(super) fn finish(self, scene: &mut Scene) {
+    pub(super) fn finish(mut self, scene: &mut Scene) {
+        if self.flattened {
+            let normals = &mut self.weld.normals.values;
+            *normals = used(normals, self.fronts.iter_mut().flat_map(|s| &mut s.normals));
+        }
         (scene.positions, scene.normals) = (self.weld.positions.values, self.weld.normals.values);
         (scene.tangents, scene.colors) = (self.weld.tangents.values, self.weld.colors.values);
         scene.surfaces = self.fronts;
@@ -166,5 +192,47 @@ impl Surfaces {
                 surface.parts.iter_mut().for_each(|p| p.material = back);
             }
         }
+    }
+}
+
+/// The values that corners still refer to, in order of first use, by which they are then called.
+fn used<'s>(values: &[[f32; 3]], corners: impl Iterator<Item = &'s mut [u32; 3]>) -> Vec<[f32; 3]> {
+    let (mut kept, mut places) = (vec![], vec![u32::MAX; values.len()]);
+    for id in corners.flatten() {
+        let place = &mut places[*id as usize];
+        if *place == u32::MAX {
+            *place = kept.len() as u32;
+            kept.push(values[*id as usize]);
+        }
+        *id = *place;
+    }
+    kept
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// As glTF's flat cubes are: each face has its normal at its corners, and more surfaces follow.
+    #[test]
+    fn normals_of_the_triangles_are_none_whoever_adds_them() {
+        let mut surfaces = Surfaces::default();
+        let mut add = |normals: [[f32; 3]; 3], x: f32| {
+            let weld = &mut surfaces.weld;
+            let corners = [[x, 0.0, 0.0], [x + 1.0, 0.0, 0.0], [x, 1.0, 0.0]].map(|p| weld.positions.id(p));
+            let normals = normals.map(|n| weld.normals.id(n));
+            let tangents = [weld.tangents.id([x, 0.0, 0.0, 1.0]); 3];
+            let triangles = vec![Triangle { corners, polygon: 0 }];
+            let surface = Surface { triangles, normals: vec![normals], tangents: vec![tangents], ..Surface::default() };
+            surfaces.push(surface, Part::plain("", 0, 1), "s", false, None);
+        };
+        let (up, tilted) = ([0.0, 0.0, 1.0], [0.0, 0.6, 0.8]);
+        add([up; 3], 0.0);
+        add([tilted, up, tilted], 5.0);
+        let mut scene = Scene::empty();
+        surfaces.finish(&mut scene);
+        assert_eq!((scene.surfaces[0].normals.len(), scene.surfaces[0].tangents[0]), (0, [0; 3]));
+        assert_eq!((scene.surfaces[1].normals[0], scene.surfaces[1].tangents[0]), ([0, 1, 0], [1; 3]));
+        assert_eq!(scene.normals, [tilted, up], "in order of first use");
     }
 }

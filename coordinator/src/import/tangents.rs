@@ -8,8 +8,9 @@
 //! hundred thousand sectors would overflow the stack. Cost: O(n log n).
 
 use super::weld::Pool;
-use glam::{DVec2, DVec3, Vec3};
+use glam::{DVec3, Vec3};
 use kiln_proto::{
+    frame::Lie,
     math,
     scene::{Mapping, Scene, Surface, TextureRef},
 };
@@ -49,19 +50,19 @@ pub(super) fn complete(scene: &mut Scene) {
 /// The tangents of a run of triangles along the coordinates by which they look a map up.
 fn of_part(scene: &Scene, surface: &Surface, range: Range<usize>, map: &TextureRef) -> Vec<[[f32; 4]; 3]> {
     let Mapping::Uv { set } = map.mapping else { return vec![[NONE; 3]; range.len()] };
-    let uv = |t: usize| surface.uv(set as usize, t).map(|corners| corners.map(|uv| moved(map, uv)));
-    let coordinates: Vec<Option<[[f32; 2]; 3]>> = range.clone().map(uv).collect();
+    let uv = |t: usize| surface.uv(set as usize, t).map(|corners| corners.map(|uv| map.moved(uv)));
+    let coordinates: Vec<Option<[[f64; 2]; 3]>> = range.clone().map(uv).collect();
     // Looked up, never iterated: the order of hashing cannot matter.
-    let mut numbers: HashMap<(u32, u32, [u32; 2]), u32> = HashMap::new();
+    let mut numbers: HashMap<(u32, u32, [u64; 2]), u32> = HashMap::new();
     let mut vertices = Vec::with_capacity(range.len());
     for (t, uv) in range.clone().zip(&coordinates) {
         vertices.push(std::array::from_fn(|k| {
-            let uv = uv.map_or([0; 2], |uv| uv[k].map(f32::to_bits));
+            let uv = uv.map_or([0; 2], |uv| uv[k].map(|c| (c + 0.0).to_bits()));
             let next = numbers.len() as u32;
             *numbers.entry((surface.triangles[t].corners[k], surface.normals[t][k], uv)).or_insert(next)
         }));
     }
-    let along = |(t, uv): (usize, &Option<_>)| uv.and_then(|uv| Along::of(scene.corners(&surface.triangles[t]), uv));
+    let along = |(t, uv): (usize, &Option<_>)| uv.and_then(|uv| Lie::of(scene.corners(&surface.triangles[t]), uv)).map(Along::from);
     let mut along: Vec<Option<Along>> = range.clone().zip(&coordinates).map(along).collect();
     let groups = Groups::of(&vertices, &mut along);
     let mut sums = vec![DVec3::ZERO; 3 * along.len()];
@@ -84,11 +85,6 @@ fn of_part(scene: &Scene, surface: &Surface, range: Range<usize>, map: &TextureR
     (0..along.len()).map(|i| std::array::from_fn(|k| tangent(i, k))).collect()
 }
 
-/// Texture coordinates as a look-up uses them.
-fn moved(map: &TextureRef, [u, v]: [f32; 2]) -> [f32; 2] {
-    map.transform.map(|[a, b, c]| a * u + b * v + c + 0.0)
-}
-
 /// How a triangle lies in its texture.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Along {
@@ -98,14 +94,9 @@ struct Along {
     side: f32,
 }
 
-impl Along {
-    /// `None` where texture coordinates or the triangle have no area.
-    fn of([a, b, c]: [DVec3; 3], uv: [[f32; 2]; 3]) -> Option<Self> {
-        let [p, q, r] = uv.map(|[u, v]| DVec2::new(f64::from(u), f64::from(v)));
-        let (q, r) = (q - p, r - p);
-        let det = q.perp_dot(r);
-        let direction = (((b - a) * r.y - (c - a) * q.y) * det.signum()).try_normalize()?;
-        (det != 0.0).then_some(Self { direction: Some(direction), side: det.signum() as f32 })
+impl From<Lie> for Along {
+    fn from(lie: Lie) -> Self {
+        Self { direction: Some(lie.along_u), side: lie.side as f32 }
     }
 }
 

@@ -2,7 +2,10 @@
 //!
 //! The size is read and checked before a pixel is decoded, so a file of a kilobyte that promises a terabyte costs a kilobyte.
 
-use super::format::extension;
+use super::{
+    format::extension,
+    guard::{Panicked, guarded},
+};
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits, imageops::flip_vertical_in_place};
 use kiln_proto::{
     limits,
@@ -39,6 +42,9 @@ pub(super) enum TextureError {
     /// The decoder's own words.
     #[error("cannot be decoded: {0}")]
     Decode(#[from] image::ImageError),
+    /// The decoder had none.
+    #[error(transparent)]
+    Panicked(#[from] Panicked),
 }
 
 /// An image and whether it has transparent pixels.
@@ -66,24 +72,13 @@ fn head(name: &str, bytes: &[u8]) -> Result<(ImageFormat, u32, u32), TextureErro
 
 /// Whether an image file looks whole, without decoding its pixels: its width and height.
 pub(super) fn size(name: &str, bytes: &[u8]) -> Result<(u32, u32), TextureError> {
-    head(name, bytes).map(|(_, width, height)| (width, height))
+    guarded(|| head(name, bytes)).map(|(_, width, height)| (width, height))
 }
 
 /// Decodes an image file called `name`, whose bytes mean what `coding` says; `alpha`: whether transparency is kept.
 pub(super) fn decode(name: &str, bytes: &[u8], coding: Coding, alpha: bool) -> Result<Decoded, TextureError> {
-    let (format, width, height) = head(name, bytes)?;
-    let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
-    let mut bounds = Limits::default();
-    bounds.max_alloc = Some(DECODE_BYTES);
-    reader.limits(bounds);
-    let decoder = reader.into_decoder()?;
-    // The decoder's own bound counts what it hands out; what a progressive JPEG keeps of itself meanwhile is counted here.
-    let kept = if is_progressive(bytes) { COEFFICIENTS * u64::from(width) * u64::from(height) } else { 0 };
-    let needed = decoder.total_bytes().saturating_add(kept);
-    if needed > DECODE_BYTES {
-        return Err(TextureError::TooDear { needed });
-    }
-    let image = DynamicImage::from_decoder(decoder)?;
+    let image = guarded(|| pixels(name, bytes))?;
+    let (width, height) = (image.width(), image.height());
     let transparent = is_transparent(&image);
     let has_alpha = alpha && transparent;
     // The scene's row 0 is v = 0, the bottom; an image's first row is its top.
@@ -97,6 +92,23 @@ pub(super) fn decode(name: &str, bytes: &[u8], coding: Coding, alpha: bool) -> R
         rgb.into_raw()
     };
     Ok(Decoded { texture: Texture { name: name.to_owned(), width, height, coding, has_alpha, texels }, transparent })
+}
+
+/// The pixels of an image file, within the limits.
+fn pixels(name: &str, bytes: &[u8]) -> Result<DynamicImage, TextureError> {
+    let (format, width, height) = head(name, bytes)?;
+    let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
+    let mut bounds = Limits::default();
+    bounds.max_alloc = Some(DECODE_BYTES);
+    reader.limits(bounds);
+    let decoder = reader.into_decoder()?;
+    // The decoder's own bound counts what it hands out; what a progressive JPEG keeps of itself meanwhile is counted here.
+    let kept = if is_progressive(bytes) { COEFFICIENTS * u64::from(width) * u64::from(height) } else { 0 };
+    let needed = decoder.total_bytes().saturating_add(kept);
+    if needed > DECODE_BYTES {
+        return Err(TextureError::TooDear { needed });
+    }
+    Ok(DynamicImage::from_decoder(decoder)?)
 }
 
 /// Whether these are the bytes of a JPEG whose frame is progressive (ITU-T T.81, B.1.1.3: SOF2, SOF6, SOF10, SOF14).

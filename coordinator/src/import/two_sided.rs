@@ -1,8 +1,8 @@
 //! What is seen from both sides becomes two surfaces, `NAME` and `NAME~back`, each with a light field of its own.
 //!
 //! The back is the front with the second and third corner of every triangle exchanged, and all that belongs to corners with them, and with
-//! its normals and the sides of its bitangents reversed. Making the copy here rather than in the worker keeps one rule for everything behind the import: a triangle reflects
-//! and emits on its front.
+//! its normals and the sides of its bitangents reversed. Making the copy here rather than in the worker keeps one rule for everything
+//! behind the import: a triangle reflects and emits on its front.
 
 use super::name::{Names, Stems};
 use kiln_proto::scene::{Scene, Surface, Triangle};

@@ -1,7 +1,8 @@
 //! Scenes whose author had another axis point up: they are turned once, when they are read, so that +Y is up in every canonical scene.
 //!
-//! glTF and X3D say that +Y is up, OBJ says nothing, and authors keep to neither. An axis kept beside the scene would have to be minded by the view of
-//! the page, by pictures and by the environment, which stands upright about +Y; and none of them would fail where it was forgotten.
+//! glTF and X3D say that +Y is up, OBJ says nothing, and authors keep to neither. An axis kept beside the scene would have to be minded by
+//! the view of the page, by pictures and by the environment, which stands upright about +Y; and none of them would fail where it was
+//! forgotten.
 
 use glam::{DMat3, Vec3};
 use kiln_proto::{
@@ -9,8 +10,8 @@ use kiln_proto::{
     scene::{LightShape, Scene},
 };
 
-/// Turns everything in a scene so that `up` becomes +Y. Exact: coordinates change places and signs. Not the environment: one that the options
-/// name is upright as it is, and one of the file has been turned by [`matrix`] when its map was made.
+/// Turns everything in a scene so that `up` becomes +Y. Exact: coordinates change places and signs. Not the environment: one that the
+/// options name is upright as it is, and one of the file has been turned by [`matrix`] when its map was made.
 pub(super) fn turn(scene: &mut Scene, up: UpAxis) {
     if up == UpAxis::Y {
         return;

@@ -1,4 +1,4 @@
-//! Files of megabytes as programs write them: a grid of squares in each format that lists vertices.
+//! Files of megabytes: a grid of squares in each format that lists vertices, as programs write them, and lists as dense as can be.
 
 use base64::{Engine as _, engine::general_purpose::STANDARD};
 
@@ -7,8 +7,33 @@ const SIDE: usize = 180;
 
 /// Targets and what they read.
 pub(crate) fn inputs() -> Vec<(&'static str, Vec<u8>)> {
-    let text = [("obj", obj()), ("x3d_xml", x3d_xml()), ("x3d_classic", x3d_classic()), ("x3d_json", x3d_json()), ("gltf", gltf())];
+    let text = [
+        ("obj", obj()),
+        ("obj", dense_faces()),
+        ("obj", polypaint()),
+        ("x3d_xml", x3d_xml()),
+        ("x3d_classic", x3d_classic()),
+        ("x3d_json", x3d_json()),
+        ("gltf", gltf()),
+        ("gltf", zeros()),
+    ];
     text.map(|(name, text)| (name, text.into_bytes())).into_iter().chain([("glb", glb())]).collect()
+}
+
+/// One triangle again and again: nothing in OBJ takes more for each of its bytes, names aside.
+fn dense_faces() -> String {
+    format!("v 0 0 0\nv 1 0 0\nv 0 1 0\n{}", "f 1 2 3\n".repeat(500_000))
+}
+
+/// A colour more than a list that doubles has room for, and as many vertices.
+fn polypaint() -> String {
+    let (lines, vertices) = ((1 << 19) / 64, (1 << 19) + 1);
+    let paint = format!("#MRGB {}\n", "ff102030".repeat(64));
+    format!("{}{}#MRGB ff000000\nf 1 2 3\n", "v 0 0 0\nv 1 0 0\nv 0 1 0\n".repeat(vertices / 3 + 1), paint.repeat(lines))
+}
+
+fn zeros() -> String {
+    format!(r#"{{"asset":{{"version":"2.0"}},"extras":[0{}]}}"#, ",0".repeat(1 << 21))
 }
 
 fn points() -> impl Iterator<Item = [usize; 2]> {

@@ -13,18 +13,24 @@ use kiln_proto::{
 use serde_json::{Map, Value, json};
 
 impl Maker<'_, '_, '_> {
-    /// The one texture that glTF's base colour may have, and the colour that it multiplies.
+    /// The one texture that glTF's base colour may have, and the colour that it multiplies. What lies below a texture that replaces it is
+    /// never seen.
     pub(super) fn base_layer(&mut self, color: Rgb, layers: &[TextureLayer]) -> (Rgb, Option<TextureRef>) {
         let lies_on = |l: &&TextureLayer| texture::set_of(&l.texture).is_some();
-        let (first, taken) = match layers.iter().find(lies_on) {
+        let lowest = layers.iter().rposition(|l| l.mode == LayerMode::Replace).unwrap_or(0);
+        let seen = &layers[lowest..];
+        let (first, taken) = match seen.iter().find(lies_on) {
             Some(TextureLayer { texture, mode: LayerMode::Modulate { scale } }) if (color * *scale).max_channel() <= 1.0 => {
                 ((color * *scale, Some(*texture)), 1)
             }
             Some(TextureLayer { texture, mode: LayerMode::Replace }) => ((Rgb::WHITE, Some(*texture)), 1),
             _ => ((color, None), 0),
         };
-        if layers.len() > taken {
-            self.note("materials have more textures on their colour, or others than glTF can say (it has one that multiplies); the first that fits is kept");
+        if seen.len() > taken {
+            self.note(
+                "materials have more textures on their colour, or others than glTF can say (it has one that multiplies); the first that \
+                 fits is kept",
+            );
         }
         first
     }

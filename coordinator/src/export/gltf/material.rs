@@ -1,13 +1,12 @@
 //! Materials: metallic-roughness as it is, with the extensions that it needs, and Phong's as near as that model comes.
 //!
 //! A matt Phong material is exact: without a specular share what is left of glTF's is Lambert's. A glossy one keeps its reflectance at
-//! normal incidence (KHR_materials_specular) and takes the roughness whose microfacets have the width of its lobe, alpha^2 = 2/(n + 2)
-//! (Walter et al. 2007, section 5.2: the Beckmann and Phong distributions), and grows brighter at grazing angles, which Phong's does not. What is a mirror or
-//! has a lobe and no diffuse colour becomes a metal of that colour.
+//! normal incidence (KHR_materials_specular), takes the roughness whose microfacets have the width of its lobe, and grows brighter at
+//! grazing angles, which Phong's does not. What is a mirror or has a lobe and no diffuse colour becomes a metal of that colour.
 
 use super::{ExportError, Writer, number, numbers, scaled, texture::Textures};
 use kiln_proto::{
-    scene::{AlphaMode, LayerMode, Lobe, Material, MetallicRoughness, Phong, Reflection, Scene},
+    scene::{AlphaMode, LayerMode, Material, MetallicRoughness, Phong, Reflection, Scene},
     units::Rgb,
 };
 use serde_json::{Map, Value, json};
@@ -140,11 +139,7 @@ impl Maker<'_, '_, '_> {
 
     fn phong(&mut self, phong: &Phong) -> Result<(), ExportError> {
         let Phong { diffuse, layers, specular, specular_texture, lobe, .. } = phong;
-        let roughness = match *lobe {
-            Lobe::Mirror => 0.0,
-            // glTF's roughness is the square root of alpha.
-            Lobe::Phong { exponent } => (2.0 / (exponent + 2.0)).sqrt().sqrt(),
-        };
+        let roughness = lobe.roughness();
         if !specular.is_black() {
             self.note("glossy Phong materials were written as metallic-roughness ones, which reflect more at grazing angles");
         }

@@ -96,8 +96,8 @@ impl Writer<'_> {
         if !vertices.normals.is_empty() {
             attributes.insert("NORMAL".into(), json!(self.buffers.attribute(&vertices.normals, false)?));
         }
-        // Where a corner has none, whoever reads the file makes them all; without normals glTF has none.
-        if !vertices.normals.is_empty() && vertices.tangents.len() == vertices.positions.len() {
+        // Where a corner has none, whoever reads the file makes them all.
+        if !vertices.tangents.is_empty() && vertices.tangents.len() == vertices.positions.len() {
             attributes.insert("TANGENT".into(), json!(self.buffers.attribute(&vertices.tangents, false)?));
         }
         if vertices.colors.iter().any(|c| *c != [1.0; 4]) {
@@ -119,9 +119,11 @@ impl Writer<'_> {
         });
         let uvs = (0..sets).map(at).chain(extra).map(|[u, v]| [u + 0.0, 1.0 - v]);
         let color = surface.colors.get(triangle).map(|c| scene.colors[c[corner] as usize]);
+        let normal = surface.normals.get(triangle).map(|n| self.normal(surface, triangle, n[corner]));
         Corner {
             position: scene.positions[surface.triangles[triangle].corners[corner] as usize],
-            normal: surface.normals.get(triangle).map(|n| self.normal(surface, triangle, n[corner])),
+            // glTF has no tangents without normals.
+            normal: normal.or_else(|| (!surface.tangents.is_empty()).then(|| self.flat(surface, triangle))),
             tangent: surface.tangents.get(triangle).and_then(|t| unit_tangent(scene.tangents[t[corner] as usize])),
             // A material that only emits has its own colour at every vertex; a vertex's opacity acts all the same.
             color: color.map(|c| if unlit { [1.0, 1.0, 1.0, c[3]] } else { c }),
@@ -135,8 +137,13 @@ impl Writer<'_> {
         if (normal.length_squared() - 1.0).abs() <= UNIT {
             return normal.to_array();
         }
+        normal.try_normalize().map_or_else(|| self.flat(surface, triangle), |unit| unit.to_array())
+    }
+
+    /// The normal of a triangle itself.
+    fn flat(&self, surface: &Surface, triangle: usize) -> [f32; 3] {
         let [a, b, c] = self.scene.corners(&surface.triangles[triangle]);
-        normal.try_normalize().unwrap_or_else(|| (b - a).cross(c - a).normalize_or_zero().as_vec3()).to_array()
+        (b - a).cross(c - a).normalize_or_zero().as_vec3().to_array()
     }
 
     fn note_part(&mut self, part: &Part) {

@@ -160,7 +160,8 @@ fn numbers(values: &[f32]) -> Value {
     values.iter().map(|v| number(*v)).collect()
 }
 
-/// The least power of two that is at least `largest`, and at least one: what is divided by it comes back exactly when it is multiplied again.
+/// The least power of two that is at least `largest`, and at least one: what is divided by it comes back exactly when it is multiplied
+/// again.
 fn scaled(largest: f32) -> f32 {
     let mut strength = 1.0f32;
     while strength < largest && strength < f32::MAX / 2.0 {

@@ -270,6 +270,33 @@ fn what_is_left_out_is_counted_and_the_rest_is_valid() {
     back_in(&scene);
 }
 
+/// glTF wants normals beside tangents; those of the triangles are none when they come back.
+#[test]
+fn tangents_of_a_flat_surface_come_back() {
+    let normal_map = Some(NormalMap { texture: TextureRef::plain(1, 0), scale: 1.0 });
+    let mut scene = one_material(Material { normal_map, ..Material::matt("m", Rgb::WHITE) });
+    (scene.tangents, scene.surfaces[0].tangents) = (vec![[0.6, 0.8, 0.0, -1.0]], vec![[0; 3]; 2]);
+    scene.validate().unwrap();
+    let found = back_in(&scene);
+    assert_eq!((corners(&found), found.normals), (corners(&scene), vec![]));
+}
+
+/// Below a texture that replaces the colour nothing is seen.
+#[test]
+fn the_texture_of_a_stack_is_the_one_that_shows() {
+    let layer = |texture: u32, mode| TextureLayer { texture: TextureRef::plain(texture, 0), mode };
+    let (below, above) = (layer(0, LayerMode::Modulate { scale: 1.0 }), layer(1, LayerMode::Replace));
+    let stack = |layers| {
+        let scene = one_material(Material::new("m", Reflection::Phong(Phong { layers, ..Phong::matt(Rgb::splat(0.5)) })));
+        (export(&scene).unwrap().warnings.len(), imported_pbr(&scene).base_color, back_in(&scene).textures.remove(0).name)
+    };
+    let alone = stack(vec![above.clone()]);
+    assert_eq!((alone.0, alone.1), (0, Rgb::WHITE));
+    assert_eq!(stack(vec![below.clone(), above.clone()]), alone);
+    assert_eq!(stack(vec![above.clone(), below.clone(), above]), alone);
+    assert_ne!(stack(vec![below]), alone);
+}
+
 #[test]
 fn a_back_of_another_material_is_a_surface_of_its_own() {
     let mut scene = one_material(Material::matt("front", Rgb::WHITE));

@@ -54,7 +54,8 @@ impl<'s> Textures<'s> {
         Self { scene, known: BTreeMap::new(), images: BTreeMap::new(), image_list: vec![], samplers: vec![], list: vec![] }
     }
 
-    /// The texture of an image with the sampling of `like`; `None` where colour and opacity differ in size. `store` keeps the bytes of a file.
+    /// The texture of an image with the sampling of `like`; `None` where colour and opacity differ in size. `store` keeps the bytes of a
+    /// file.
     pub(super) fn index(
         &mut self,
         source: Source,

@@ -1,7 +1,8 @@
 //! Gathering a scene from a folder, as the command line does before it uploads: the main file and everything it refers to.
 //!
-//! Only files inside one folder are taken, the main file's own unless its author names a larger one: a scene that someone else made must not be able to name `/etc/passwd` or
-//! `../../.ssh/id_ed25519`, nor to reach them through a link, and have them uploaded. What is outside is reported as missing.
+//! Only files inside one folder are taken, the main file's own unless its author names a larger one: a scene that someone else made must
+//! not be able to name `/etc/passwd` or `../../.ssh/id_ed25519`, nor to reach them through a link, and have them uploaded. What is outside
+//! is reported as missing.
 
 use super::{Bundle, BundlePath, Content, Format, Part, format, plain, problem, unreadable};
 use crate::{
@@ -17,8 +18,8 @@ use std::{
     path::{Path, PathBuf},
 };
 
-/// The scene file `main` with the files it refers to, and those it refers to in vain. Files of `root` may be taken, a folder around the main
-/// file; `None` is the main file's own. A ZIP is unpacked into `scratch` instead.
+/// The scene file `main` with the files it refers to, and those it refers to in vain. Files of `root` may be taken, a folder around the
+/// main file; `None` is the main file's own. A ZIP is unpacked into `scratch` instead.
 ///
 /// # Errors
 /// A main file that cannot be read, does not import or lies outside `root`, or more than a bundle may hold.
@@ -159,8 +160,8 @@ impl Walk {
         path
     }
 
-    /// The file that a name means. Where the very path is not there, the file name beside the referring file or beside the scene will do, if
-    /// `near`: exporters write absolute paths of machines long gone.
+    /// The file that a name means. Where the very path is not there, the file name beside the referring file or beside the scene will do,
+    /// if `near`: exporters write absolute paths of machines long gone.
     fn locate(&self, from: &BundlePath, name: &str, near: bool) -> Option<BundlePath> {
         let bare = name.rsplit(['/', '\\']).next().unwrap_or(name);
         let exact = std::iter::once(from.join(name));

@@ -6,9 +6,11 @@
 
 mod archive;
 mod collect;
+mod find;
 mod path;
 
 pub use collect::collect;
+pub use find::Found;
 pub use path::{BadPath, BundlePath, Paths};
 
 use super::format::{self, Format};
@@ -57,19 +59,9 @@ pub struct Bundle {
     _scratch: Option<TempDir>,
 }
 
-/// What a reference inside the bundle leads to.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Found<'a> {
-    /// The very path.
-    Exact(&'a BundlePath),
-    /// Another path that is meant beyond doubt: it differs in case, or only the file name fits and no other file has it.
-    Near(&'a BundlePath),
-}
-
 impl Bundle {
     /// A bundle from the parts of an upload: one scene file, several files, or one ZIP, which is unpacked into a folder inside `scratch`.
-    /// `choice` names the main file where there are several scenes. A lone part
-    /// may have an empty name.
+    /// `choice` names the main file where there are several scenes. A lone part may have an empty name.
     ///
     /// # Errors
     /// Unsafe or duplicate paths, too many files or bytes, a broken archive, no scene or more than one, a format that is not read.
@@ -165,24 +157,6 @@ impl Bundle {
         match content {
             Content::Bytes(bytes) => Ok(Cow::Borrowed(bytes)),
             Content::File(local) => std::fs::read(local).map(Cow::Owned).map_err(|e| unreadable(path.as_str(), &e)),
-        }
-    }
-
-    /// Where `reference`, written in the file `from`, leads to inside the bundle.
-    #[must_use]
-    pub fn find(&self, from: &BundlePath, reference: &str) -> Option<Found<'_>> {
-        if let Some(path) = from.join(reference) {
-            if let Some((path, _)) = self.files.get_key_value(&path) {
-                return Some(Found::Exact(path));
-            }
-            if let Some([path]) = self.folded.get(&path.as_str().to_lowercase()).map(Vec::as_slice) {
-                return Some(Found::Near(path));
-            }
-        }
-        let name = reference.rsplit(['/', '\\']).next()?.trim().to_lowercase();
-        match self.names.get(&name).map(Vec::as_slice) {
-            Some([path]) => Some(Found::Near(path)),
-            _ => None,
         }
     }
 }

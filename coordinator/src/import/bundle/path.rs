@@ -27,8 +27,8 @@ pub enum BadPath {
     Twice,
 }
 
-/// The names of a bundle in the making, whatever it comes as: each is safe, and they are distinct also where case is ignored, because nobody
-/// knows on which system the scene refers to them.
+/// The names of a bundle in the making, whatever it comes as: each is safe, and they are distinct also where case is ignored, because
+/// nobody knows on which system the scene refers to them.
 #[derive(Debug, Default)]
 pub struct Paths(BTreeSet<String>);
 

@@ -205,6 +205,23 @@ fn collecting_follows_inlined_scenes_and_the_first_address_that_exists() {
     assert!(missing.len() == 1 && missing[0].starts_with("a.x3dv:2: `../out.wrl`"), "{missing:?}");
 }
 
+/// The very path in either spelling comes before one that is near to the first.
+#[test]
+fn an_exact_path_comes_before_one_that_is_near() {
+    let bundle = parts(&[("a.obj", OBJ), ("my%20wall.png", b""), ("t/My Wall.png", b""), ("t/leaf%.png", b"")]).unwrap();
+    let found = |address| bundle.find_address(bundle.main(), address);
+    let path = |name: &str| bundle.files().find(|(path, _)| path.as_str() == name).unwrap().0;
+    assert_eq!(found("my%20wall.png"), Some(Found::Exact(path("my%20wall.png"))));
+    assert_eq!(found("t/My%20Wall.png"), Some(Found::Exact(path("t/My Wall.png"))));
+    assert_eq!(found("T/my%20wall.PNG"), Some(Found::Near(path("t/My Wall.png"))));
+    assert_eq!((found("t/leaf%.png"), found("gone.png")), (Some(Found::Exact(path("t/leaf%.png"))), None));
+    let mut said = vec![];
+    for address in ["t/My%20Wall.png", "LEAF%.png"] {
+        found(address).unwrap().told("the image", address, |message| said.push(message));
+    }
+    assert_eq!(said, ["the image `LEAF%.png` is not in the bundle; `t/leaf%.png` is used instead"]);
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(500))]
 

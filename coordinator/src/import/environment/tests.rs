@@ -145,3 +145,40 @@ fn what_is_no_environment_says_why() {
     assert!(import(&bundle, &options, &mut findings).is_none());
     assert!(findings.into_errors("a.obj")[0].message.contains("`sky.hdr` is not among the files"));
 }
+
+#[test]
+fn factors_that_make_no_radiance_are_refused() {
+    for line in ["EXPOSURE=0\n", "COLORCORR=1 0 1\n", "EXPOSURE=-2\n", "EXPOSURE=1e-45\n", "COLORCORR=1 inf 1\n"] {
+        let said = refused("sky.hdr", &hdr(4, line, &[[128; 4]; 8]));
+        assert!(said.contains("sky.hdr: the environment has a line EXPOSURE or COLORCORR that comes to the factor"), "{line}: {said}");
+    }
+}
+
+/// The bytes come before the name, and a size before the pixels.
+#[test]
+fn what_a_picture_is_and_how_large_is_known_before_it_is_decoded() {
+    let mut png = Cursor::new(vec![]);
+    image::RgbImage::new(2, 1).write_to(&mut png, image::ImageFormat::Png).unwrap();
+    assert!(refused("sky.hdr", png.get_ref()).contains("neither a Radiance HDR nor an OpenEXR picture"));
+    let pictures = [("sky.hdr", hdr(4, "", &[[1; 4]; 8])), ("sky.exr", exr(|_| (1.0, 1.0, 1.0)))];
+    for (name, whole) in pictures {
+        let cut = &whole[..whole.len() - 1];
+        assert_eq!(picture::size(name, cut).unwrap(), [4, 2], "{name}");
+        assert!(decode(name, cut).is_err(), "{name}");
+    }
+    assert_eq!(picture::size("sky.exr", &windowed(Vec2(0, 1))).unwrap(), [4, 2], "the display window counts");
+}
+
+/// Rows are decoded one by one, packed as they are.
+#[test]
+fn packed_rows_are_those_of_the_whole_picture() {
+    let image = image::Rgb32FImage::from_fn(20, 7, |x, y| image::Rgb([(x / 5) as f32, y as f32, 0.25]));
+    let mut bytes = Cursor::new(vec![]);
+    image::DynamicImage::from(image).write_to(&mut bytes, image::ImageFormat::Hdr).unwrap();
+    let expected = image::load_from_memory(bytes.get_ref()).unwrap().into_rgb32f();
+    let (found, _) = read_in("sky.hdr", bytes.get_ref());
+    let found = found.unwrap();
+    for (x, y, pixel) in expected.enumerate_pixels() {
+        assert_eq!(found.rgb[(6 - y) as usize * 20 + x as usize], pixel.0, "{x} {y}");
+    }
+}

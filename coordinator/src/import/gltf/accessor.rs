@@ -51,7 +51,7 @@ impl<'d> Accessor<'d> {
             return None;
         }
         let base = match json.get("bufferView") {
-            Some(at) => Some(run(at, json, (component, shape, count), None, buffers, report)?),
+            Some(at) => Some(run(at, json, (component, shape, count), false, buffers, report)?),
             None => None,
         };
         let sparse = match json.get("sparse") {

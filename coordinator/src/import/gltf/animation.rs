@@ -5,9 +5,10 @@
 
 use super::{
     accessor::{Accessor, Accessors},
-    element::Component,
+    form::{ANIMATED_TURN, ANIMATED_WEIGHT, PLACE, TIME, of_form},
     json::Json,
-    node::{Graph, Local, unit},
+    local::{Local, unit},
+    node::Graph,
     report::Report,
 };
 use crate::import::slerp;
@@ -28,9 +29,11 @@ enum Interpolation {
 }
 
 /// A checked sampler.
-struct Sampler<'s, 'd> {
+struct Sampler<'s, 'd, 'j> {
     times: &'s Accessor<'d>,
     values: &'s Accessor<'d>,
+    /// What names the values.
+    output: Json<'j>,
     interpolation: Interpolation,
 }
 
@@ -63,7 +66,7 @@ pub(super) fn apply(root: Json<'_>, graph: &mut Graph<'_>, accessors: &Accessors
     let left = WEIGHTS.saturating_add(accessors.buffers.total() / BYTES_PER_WEIGHT);
     let mut player = Player { graph, accessors, time, left };
     for animation in animations {
-        let samplers: Vec<Option<Sampler<'_, '_>>> =
+        let samplers: Vec<Option<Sampler<'_, '_, '_>>> =
             report.objects(animation, "samplers").into_iter().map(|json| sampler(json, accessors, report)).collect();
         let mut targets = BTreeSet::new();
         for channel in report.objects(animation, "channels") {
@@ -80,7 +83,7 @@ pub(super) fn apply(root: Json<'_>, graph: &mut Graph<'_>, accessors: &Accessors
     }
 }
 
-fn sampler<'s, 'd>(json: Json<'_>, accessors: &'s Accessors<'d, '_>, report: &mut Report<'_>) -> Option<Sampler<'s, 'd>> {
+fn sampler<'s, 'd, 'j>(json: Json<'j>, accessors: &'s Accessors<'d, '_>, report: &mut Report<'_>) -> Option<Sampler<'s, 'd, 'j>> {
     let (input, output) = (report.required(json, "input"), report.required(json, "output"));
     let interpolation = match report.string(json, "interpolation").as_deref() {
         None | Some("LINEAR") => Interpolation::Linear,
@@ -91,12 +94,8 @@ fn sampler<'s, 'd>(json: Json<'_>, accessors: &'s Accessors<'d, '_>, report: &mu
             return None;
         }
     };
-    let input = input?;
-    let (times, values) = (accessors.at(input, report)?, accessors.at(output?, report)?);
-    if times.kind() != "SCALAR" || times.component != Component::F32 {
-        report.error(input, "the times of a sampler are floats of type SCALAR");
-        return None;
-    }
+    let (input, output) = (input?, output?);
+    let (times, values) = (of_form(input, &TIME, None, accessors, report)?, accessors.at(output, report)?);
     if !times.has_bounds {
         report.count(input, "times of key frames without `min` and `max`, which glTF wants (computed)");
     }
@@ -105,12 +104,12 @@ fn sampler<'s, 'd>(json: Json<'_>, accessors: &'s Accessors<'d, '_>, report: &mu
         report.error(input, format!("time {i} is {}; times must be 0 or more and rise", time(i)));
         return None;
     }
-    Some(Sampler { times, values, interpolation })
+    Some(Sampler { times, values, output, interpolation })
 }
 
 impl Player<'_, '_, '_, '_> {
     /// Checks what a channel moves, and moves it where there is a time.
-    fn channel(&mut self, target: Json<'_>, sampler: &Sampler<'_, '_>, report: &mut Report<'_>) {
+    fn channel(&mut self, target: Json<'_>, sampler: &Sampler<'_, '_, '_>, report: &mut Report<'_>) {
         let path = report.string(target, "path").unwrap_or_default();
         if path == "pointer" || target.extension("KHR_animation_pointer").is_some() {
             report.count(target, "animations of other things than nodes (KHR_animation_pointer) were skipped");
@@ -142,7 +141,7 @@ impl Player<'_, '_, '_, '_> {
     }
 }
 
-impl Sampler<'_, '_> {
+impl Sampler<'_, '_, '_> {
     /// Values per key frame and target.
     fn keys(&self) -> usize {
         if self.interpolation == Interpolation::CubicSpline { 3 } else { 1 }
@@ -150,19 +149,21 @@ impl Sampler<'_, '_> {
 
     /// How many values of this path each key frame has; `None` where they do not fit it.
     fn width(&self, target: Json<'_>, path: &str, report: &mut Report<'_>) -> Option<usize> {
-        let (kind, width) = match path {
-            "translation" | "scale" => ("VEC3", 1),
-            "rotation" => ("VEC4", 1),
-            "weights" => ("SCALAR", (self.values.count / self.times.count / self.keys()).max(1)),
+        let (form, width) = match path {
+            "translation" | "scale" => (&PLACE, 1),
+            "rotation" => (&ANIMATED_TURN, 1),
+            "weights" => (&ANIMATED_WEIGHT, (self.values.count / self.times.count / self.keys()).max(1)),
             other => {
                 report.error(target, format!("`{other}` cannot be animated; translation, rotation, scale and weights can"));
                 return None;
             }
         };
-        let wanted = self.times.count * self.keys() * width;
-        if self.values.kind() != kind || self.values.count != wanted {
-            let (found, count) = (self.values.kind(), self.values.count);
-            report.error(target, format!("{wanted} values of type {kind} are expected for `{path}`; there are {count} of type {found}"));
+        if !form.allows(self.values, self.output, report) {
+            return None;
+        }
+        let (wanted, count, kind) = (self.times.count * self.keys() * width, self.values.count, self.values.kind());
+        if count != wanted {
+            report.error(target, format!("{wanted} values of type {kind} are expected for `{path}`; there are {count}"));
             return None;
         }
         Some(width)

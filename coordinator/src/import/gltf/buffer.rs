@@ -16,6 +16,8 @@ pub(super) const MESHOPT: [&str; 2] = ["EXT_meshopt_compression", "KHR_meshopt_c
 #[derive(Default)]
 pub(super) struct Buffers<'b> {
     stores: Vec<Cow<'b, [u8]>>,
+    /// Bytes of all stores.
+    total: u64,
     /// Store and length of each buffer; `None` where its bytes are not to be had.
     buffers: Vec<Option<(usize, usize)>>,
     /// The views, `None` where one was wrong.
@@ -94,6 +96,7 @@ impl<'b> Buffers<'b> {
                 }
             },
         };
+        self.total += bytes.len() as u64;
         self.stores.push(bytes);
         Some(self.stores.len() - 1)
     }
@@ -155,6 +158,6 @@ impl<'b> Buffers<'b> {
 
     /// The bytes held.
     pub(super) fn total(&self) -> u64 {
-        self.stores.iter().map(|store| store.len() as u64).sum()
+        self.total
     }
 }

@@ -2,6 +2,7 @@
 
 use super::{
     accessor::{Accessor, Accessors},
+    form::{BIND, of_form},
     json::Json,
     mesh::Primitive,
     node::Graph,
@@ -52,11 +53,9 @@ fn skin<'s, 'd>(json: Json<'d>, nodes: usize, accessors: &'s Accessors<'d, '_>, 
     let joints = report.indices(json, "joints", "node", nodes);
     report.index(json, "skeleton", "node", nodes);
     let inverse_bind = json.get("inverseBindMatrices").and_then(|at| {
-        let found = accessors.at(at, report)?;
-        if found.kind() != "MAT4" || found.count < joints.len() {
-            let (kind, count) = (found.kind(), found.count);
-            report
-                .error(at, format!("{} matrices of type MAT4 are expected for the joints; there are {count} of type {kind}", joints.len()));
+        let found = of_form(at, &BIND, None, accessors, report)?;
+        if found.count < joints.len() {
+            report.error(at, format!("{} matrices of type MAT4 are expected for the joints; there are {}", joints.len(), found.count));
             return None;
         }
         Some(found)
@@ -68,6 +67,12 @@ impl Skin<'_, '_> {
     /// How many joints it has.
     pub(super) fn joint_count(&self) -> usize {
         self.joints.len()
+    }
+
+    /// What each joint does to what is bound to it, in the world.
+    pub(super) fn matrices(&self, graph: &Graph<'_>, accessors: &Accessors<'_, '_>) -> Vec<DMat4> {
+        let inverse = |i: usize| self.inverse_bind.map_or(DMat4::IDENTITY, |m| DMat4::from_cols_array(&m.get(&accessors.buffers, i)));
+        self.joints.iter().enumerate().map(|(i, node)| *graph.nodes[*node].world * inverse(i)).collect()
     }
 }
 
@@ -102,20 +107,17 @@ impl Shape {
         Moved { mirrored, stretch: stretch(&world) }
     }
 
-    /// Takes it to world space by the joints of a skin, whose weights are brought to a sum of one.
+    /// Takes it to world space by the joints of a skin (their [`Skin::matrices`]), whose weights are brought to a sum of one.
     pub(super) fn bend(
         &mut self,
         primitive: &Primitive<'_, '_>,
-        skin: &Skin<'_, '_>,
-        graph: &Graph<'_>,
+        joints: &[DMat4],
         accessors: &Accessors<'_, '_>,
         report: &mut Report<'_>,
     ) -> Option<Moved> {
-        let inverse = |i: usize| skin.inverse_bind.map_or(DMat4::IDENTITY, |m| DMat4::from_cols_array(&m.get(&accessors.buffers, i)));
-        let joints: Vec<DMat4> = skin.joints.iter().enumerate().map(|(i, node)| *graph.nodes[*node].world * inverse(i)).collect();
         let (mut mirrored, mut unbound) = (0, 0);
         for vertex in 0..self.positions.len() {
-            let blended = match blend(primitive, vertex, &joints, accessors) {
+            let blended = match blend(primitive, vertex, joints, accessors) {
                 Ok((_, sum)) if sum <= 0.0 => {
                     unbound += 1;
                     continue;

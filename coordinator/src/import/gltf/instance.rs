@@ -4,9 +4,9 @@
 
 use super::{
     accessor::{Accessor, Accessors},
-    element::Component,
-    json::Json,
-    node::{Local, Node, unit},
+    form::{PLACE, TURN, of_form},
+    local::{Local, unit},
+    node::Node,
     report::Report,
 };
 use glam::{DMat4, DQuat, DVec3};
@@ -20,22 +20,23 @@ pub(super) struct Instances<'s, 'd> {
     scales: Option<&'s Accessor<'d>>,
 }
 
+/// The extension.
+pub(super) const INSTANCING: &str = "EXT_mesh_gpu_instancing";
 /// The attributes that say where copies stand.
 const PLACES: [&str; 3] = ["TRANSLATION", "ROTATION", "SCALE"];
-/// What the attributes may be made of; integers are normalized.
-const FLOATS: &[Component] = &[Component::F32];
-const TURNS: &[Component] = &[Component::F32, Component::I8, Component::I16];
 
 impl<'s, 'd> Instances<'s, 'd> {
     /// The copies that a node asks for; `None` where it does so wrongly.
     pub(super) fn of(node: &Node<'_>, accessors: &'s Accessors<'d, '_>, report: &mut Report<'_>) -> Option<Self> {
-        let Some(extension) = node.json.extension("EXT_mesh_gpu_instancing") else {
+        let Some(extension) = node.json.extension(INSTANCING) else {
             return Some(Self { count: 1, translations: None, rotations: None, scales: None });
         };
         let attributes = report.required(extension, "attributes")?;
-        let translations = attribute(attributes, "TRANSLATION", ("VEC3", FLOATS), accessors, report)?;
-        let rotations = attribute(attributes, "ROTATION", ("VEC4", TURNS), accessors, report)?;
-        let scales = attribute(attributes, "SCALE", ("VEC3", FLOATS), accessors, report)?;
+        let mut read = |name, form| match attributes.get(name) {
+            Some(at) => of_form(at, form, None, accessors, report).map(Some),
+            None => Some(None),
+        };
+        let [translations, rotations, scales] = [read(PLACES[0], &PLACE)?, read(PLACES[1], &TURN)?, read(PLACES[2], &PLACE)?];
         let mut counts: Vec<usize> = [translations, rotations, scales].into_iter().flatten().map(|a| a.count).collect();
         // Attributes of other programs count as well: copies that have nothing else all stand at the node.
         for (_, at) in attributes.members().filter(|(name, _)| !PLACES.contains(&name.as_ref())) {
@@ -67,26 +68,4 @@ impl<'s, 'd> Instances<'s, 'd> {
         }
         .matrix()
     }
-}
-
-/// The accessor of an attribute, where there is one; `None` where it is of another form than this kind and these components.
-fn attribute<'s, 'd>(
-    attributes: Json<'_>,
-    name: &str,
-    (kind, components): (&str, &[Component]),
-    accessors: &'s Accessors<'d, '_>,
-    report: &mut Report<'_>,
-) -> Option<Option<&'s Accessor<'d>>> {
-    let Some(at) = attributes.get(name) else { return Some(None) };
-    let found = accessors.at(at, report)?;
-    if found.kind() != kind {
-        report.error(at, format!("an accessor of type {kind} is expected here, not {}", found.kind()));
-        return None;
-    }
-    if !components.contains(&found.component) || (found.component != Component::F32 && !found.normalized) {
-        let also = if components.len() > 1 { ", or normalized integers with a sign, of 8 or 16 bits" } else { "" };
-        report.error(at, format!("floats are expected here{also}; the component type is {}", found.component.code()));
-        return None;
-    }
-    Some(Some(found))
 }

@@ -2,8 +2,8 @@
 //!
 //! `serde_json` checks the grammar; then one pass notes where each value begins and where its subtree ends, 8 bytes a value, and values are
 //! read from the text as they are asked for. `serde_json::Value` would take 32 bytes for each `0` of a hostile list, recurse, and know no
-//! lines. Cost: linear in the text to parse; a look-up in an object is linear in its members, so what many refer to is asked once and not by each of them;
-//! a pointer is linear in the siblings on its path.
+//! lines. Cost: linear in the text to parse; a look-up in an object is linear in its members, so what many refer to is asked once and not
+//! by each of them; a pointer is linear in the siblings on its path.
 
 use serde::de::IgnoredAny;
 use std::borrow::Cow;
@@ -162,8 +162,8 @@ impl<'d> Json<'d> {
         Some(serde_json::from_str::<String>(&text[..end]).map_or(Cow::Borrowed(inner), Cow::Owned))
     }
 
-    /// The name of a thing, as long as names are kept; `None` where it has none but blanks. Of a longer one only the beginning is looked at: what
-    /// a thousand nodes show may be called by a megabyte.
+    /// The name of a thing, as long as names are kept; `None` where it has none but blanks. Of a longer one only the beginning is looked
+    /// at: what a thousand nodes show may be called by a megabyte.
     pub(super) fn name(self) -> Option<String> {
         let json = self.get("name").filter(|json| json.kind() == Kind::String)?;
         let text = json.rest();

@@ -104,17 +104,17 @@ pub(super) fn sparse(
     };
     let count = count as usize;
     let (index_view, value_view) = (report.required(indices, "bufferView")?, report.required(values, "bufferView")?);
-    let indices = run(index_view, indices, (kind, Shape::SCALAR, count), Some(kind.size()), buffers, report)?;
-    let values = run(value_view, values, (component, shape, count), Some(shape.size(component)), buffers, report)?;
+    let indices = run(index_view, indices, (kind, Shape::SCALAR, count), true, buffers, report)?;
+    let values = run(value_view, values, (component, shape, count), true, buffers, report)?;
     Some(Sparse { count, kind, indices, values })
 }
 
-/// Where elements lie within a view; `packed` is the stride of sparse data, which ignore that of the view.
+/// Where elements lie within a view; `packed` ones, as sparse data are, ignore the stride of the view.
 pub(super) fn run(
     at: Json<'_>,
     owner: Json<'_>,
     (component, shape, count): (Component, Shape, usize),
-    packed: Option<usize>,
+    packed: bool,
     buffers: &Buffers<'_>,
     report: &mut Report<'_>,
 ) -> Option<Run> {
@@ -122,8 +122,7 @@ pub(super) fn run(
     let offset = report.integer(owner, "byteOffset", 0);
     let view = buffers.view_of(index)?;
     let size = shape.size(component);
-    let stride = packed.or(view.stride).unwrap_or(size.next_multiple_of(component.size()));
-    let stride = if shape.columns > 1 && view.stride.is_none() { shape.column(component) * shape.columns } else { stride };
+    let stride = view.stride.filter(|_| !packed).unwrap_or(shape.column(component) * shape.columns);
     if stride < size {
         report.error(owner, format!("an element has {size} bytes, but buffer view {index} has a stride of {stride}"));
         return None;

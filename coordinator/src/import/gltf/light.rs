@@ -15,6 +15,9 @@ use kiln_proto::{
 };
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 
+/// The extension that lights are written in: those of the file in its root, which of them a node has in the node.
+pub(super) const PUNCTUAL: &str = "KHR_lights_punctual";
+
 /// The largest inner angle of a spot light as a share of the outer one; its falloff divides by the difference of their cosines.
 const HARD_EDGE: f64 = 0.999;
 
@@ -35,15 +38,13 @@ enum Kind {
 
 /// The lights of the nodes that are shown, named after their nodes.
 pub(super) fn lights(root: Json<'_>, nodes: &[&Node<'_>], report: &mut Report<'_>) -> Vec<Light> {
-    let list = root.extension("KHR_lights_punctual").map(|e| report.objects(e, "lights")).unwrap_or_default();
+    let list = root.extension(PUNCTUAL).map(|e| report.objects(e, "lights")).unwrap_or_default();
     let lamps: Vec<(Option<Lamp>, Option<String>)> = list.iter().map(|json| (lamp(*json, report), json.name())).collect();
     let (mut lights, mut names) = (vec![], Names::default());
     for node in nodes {
-        let Some(extension) = node.json.extension("KHR_lights_punctual") else { continue };
-        let index = report.required(extension, "light").and_then(|at| report.index_at(at, "light", lamps.len()));
-        let Some((index, (Some(lamp), given))) = index.map(|i| (i, &lamps[i])) else { continue };
+        let Some((index, (Some(lamp), given))) = node.light().and_then(|i| Some((i, lamps.get(i)?))) else { continue };
         if lights.len() >= limits::LIGHTS {
-            report.error(extension, format!("the scene has more than {} lights", limits::LIGHTS));
+            report.error(node.json, format!("the scene has more than {} lights", limits::LIGHTS));
             break;
         }
         let name = node.json.name().or_else(|| given.clone()).unwrap_or_else(|| format!("light{index}"));

@@ -40,7 +40,7 @@ pub(super) struct Materials<'a, 'd> {
 type Variant = (Option<usize>, Option<[u32; 3]>, Option<u32>);
 
 /// A material as far as the scene can hold it.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 struct Converted {
     material: Material,
     two_sided: bool,
@@ -83,15 +83,21 @@ impl<'a, 'd> Materials<'a, 'd> {
         self.list.get(index).and_then(|json| json.name()).unwrap_or_else(|| format!("material{index}"))
     }
 
-    /// The material of a primitive. `tint` is the mean of its vertex colours, for materials that cannot take them vertex by vertex; `stretch`
-    /// by how much lengths of its mesh are stretched in the world, for the thickness of volumes.
-    pub(super) fn choose(&mut self, index: Option<usize>, tint: Option<[f32; 3]>, stretch: f64, report: &mut Report<'_>) -> Chosen {
+    /// The material of a primitive. `tint` is the mean of its vertex colours, for materials that cannot take them vertex by vertex;
+    /// `stretch` by how much lengths of its mesh are stretched in the world, for the thickness of volumes.
+    pub(super) fn choose(
+        &mut self,
+        index: Option<usize>,
+        tint: impl FnOnce() -> Option<[f32; 3]>,
+        stretch: f64,
+        report: &mut Report<'_>,
+    ) -> Chosen {
         if !self.converted.contains_key(&index) {
             let converted = self.convert(index, report);
             self.converted.insert(index, converted);
         }
-        let Converted { mut material, two_sided, volume } = self.converted[&index].clone();
-        let tint = tint.filter(|t| material.reflection == Reflection::None && *t != [1.0; 3]);
+        let Converted { material, two_sided, volume } = &self.converted[&index];
+        let tint = if material.reflection == Reflection::None { tint().filter(|t| *t != [1.0; 3]) } else { None };
         if let (Some(_), Some(json)) = (tint, index.and_then(|i| self.list.get(i))) {
             report.count(*json, "unlit primitives with vertex colours were given the mean of them");
         }
@@ -105,19 +111,22 @@ impl<'a, 'd> Materials<'a, 'd> {
         let key = (index, tint.map(|t| t.map(f32::to_bits)), volume.map(|_| stretch.to_bits()));
         let id = *self.ids.entry(key).or_insert(next);
         if id == next {
-            material.emission = tint.map_or(material.emission, |t| material.emission * Rgb::from(t));
-            if let (Some(volume), Reflection::MetallicRoughness(pbr)) = (volume, &mut material.reflection) {
+            let mut made = material.clone();
+            made.emission = tint.map_or(made.emission, |t| made.emission * Rgb::from(t));
+            if let (Some(volume), Reflection::MetallicRoughness(pbr)) = (volume, &mut made.reflection) {
                 volume.tint(pbr, stretch);
             }
-            self.materials.push(material);
+            self.materials.push(made);
         }
-        Chosen { id, two_sided, sets, has_normal_map }
+        Chosen { id, two_sided: *two_sided, sets, has_normal_map }
     }
 
-    /// Checks what unused materials and textures refer to, and looks at unused images.
-    pub(super) fn check_unused(&self, report: &mut Report<'_>) {
-        for (_, json) in self.list.iter().enumerate().filter(|(i, _)| !self.converted.contains_key(&Some(*i))) {
-            let extensions = json.get("extensions").into_iter().flat_map(|e| e.members().map(|(_, extension)| extension));
+    /// Checks which textures materials refer to, those among them that are not looked up, and looks at unused textures and images.
+    pub(super) fn check(&self, report: &mut Report<'_>) {
+        for json in &self.list {
+            // What extensions of other makers call a texture may be anything.
+            let extensions = json.get("extensions").into_iter().flat_map(Json::members);
+            let extensions = extensions.filter(|(name, _)| name.starts_with("KHR_")).map(|(_, extension)| extension);
             for owner in [Some(*json), json.get("pbrMetallicRoughness")].into_iter().flatten().chain(extensions) {
                 for (_, info) in owner.members().filter(|(name, _)| name.ends_with("Texture")) {
                     self.textures.check(info, report);

@@ -7,6 +7,7 @@ use super::{
     json::Json,
     property::ANY,
     report::Report,
+    topology::Topology,
 };
 use kiln_proto::limits;
 
@@ -18,14 +19,6 @@ pub(super) struct Mesh<'s, 'd> {
     pub(super) primitives: Vec<Primitive<'s, 'd>>,
     /// Default weights of its morph targets.
     pub(super) weights: Vec<f64>,
-}
-
-/// How vertices become triangles.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Topology {
-    Triangles,
-    Strip,
-    Fan,
 }
 
 /// One piece of a mesh: triangles of one material.
@@ -52,6 +45,8 @@ pub(super) struct Primitive<'s, 'd> {
     pub(super) material: Option<usize>,
 }
 
+/// Other materials for a primitive.
+const VARIANTS: &str = "KHR_materials_variants";
 /// Sets of joints and weights that are read: 32 joints a vertex.
 const INFLUENCES: usize = 8;
 
@@ -90,8 +85,9 @@ fn primitive<'s, 'd>(
     materials: usize,
     report: &mut Report<'_>,
 ) -> Option<Primitive<'s, 'd>> {
+    check_references(json, accessors.count(), materials, report);
     let material = report.index(json, "material", "material", materials);
-    let topology = topology(json, report)?;
+    let topology = Topology::of(json, report)?;
     let attributes = report.required(json, "attributes")?;
     let Some(at) = attributes.get("POSITION") else {
         report.warn(attributes, "the primitive has no POSITION and was left out");
@@ -103,7 +99,7 @@ fn primitive<'s, 'd>(
             .error(json, "the primitive is compressed with KHR_draco_mesh_compression only, which is not decoded; export it uncompressed");
         return None;
     }
-    if json.extension("KHR_materials_variants").is_some() {
+    if json.extension(VARIANTS).is_some() {
         report.count(json, "primitives with material variants were imported in their default material (KHR_materials_variants)");
     }
     if !positions.has_bounds {
@@ -133,20 +129,14 @@ fn primitive<'s, 'd>(
     Some(primitive)
 }
 
-/// How a primitive makes triangles; `None` where it makes none.
-fn topology(json: Json<'_>, report: &mut Report<'_>) -> Option<Topology> {
-    match report.integer(json, "mode", 4) {
-        4 => Some(Topology::Triangles),
-        5 => Some(Topology::Strip),
-        6 => Some(Topology::Fan),
-        0..=3 => {
-            report.count(json, "primitives of points or lines were ignored, only triangles are surfaces");
-            None
-        }
-        other => {
-            report.error(json, format!("the mode {other} is none; modes go from 0 to 6"));
-            None
-        }
+/// Checks that what a primitive refers to is there, that among it which is not read, and that of primitives which are not shown.
+fn check_references(json: Json<'_>, accessors: usize, materials: usize, report: &mut Report<'_>) {
+    let lists = json.get("attributes").into_iter().chain(json.get("targets").into_iter().flat_map(Json::items));
+    for at in lists.flat_map(Json::members).map(|(_, at)| at).chain(json.get("indices")) {
+        report.index_at(at, "accessor", accessors);
+    }
+    for mapping in json.extension(VARIANTS).and_then(|e| e.get("mappings")).into_iter().flat_map(Json::items) {
+        report.index(mapping, "material", "material", materials);
     }
 }
 
@@ -202,8 +192,7 @@ impl<'s, 'd> Primitive<'s, 'd> {
     }
 
     fn check_count(&self, report: &mut Report<'_>) {
-        let corners = self.corner_count();
-        if corners < 3 || (self.topology == Topology::Triangles && !corners.is_multiple_of(3)) {
+        if !self.topology.fits(self.corner_count()) {
             report.count(self.json, "primitives whose last corners make no whole triangle (those were ignored)");
         }
     }
@@ -214,10 +203,7 @@ impl<'s, 'd> Primitive<'s, 'd> {
 
     /// How many triangles it describes.
     pub(super) fn triangle_count(&self) -> usize {
-        match self.topology {
-            Topology::Triangles => self.corner_count() / 3,
-            Topology::Strip | Topology::Fan => self.corner_count().saturating_sub(2),
-        }
+        self.topology.triangle_count(self.corner_count())
     }
 
     /// How many vertices are read to place it once, counted again for each morph target and set of joints that moves them.
@@ -226,16 +212,11 @@ impl<'s, 'd> Primitive<'s, 'd> {
         (self.positions.count as u64).saturating_mul(1 + targets as u64 + self.influences.len() as u64)
     }
 
-    /// Its triangles as vertex indices, counter-clockwise from the front (glTF 2.0, section 3.7.2.1).
+    /// Its triangles as vertex indices, counter-clockwise from the front.
     pub(super) fn triangles<'a>(&'a self, accessors: &'a Accessors<'d, '_>) -> impl Iterator<Item = [usize; 3]> + use<'a, 's, 'd> {
         let corner = move |i: usize| self.indices.map_or(i, |indices| indices.get::<1>(&accessors.buffers, i)[0] as usize);
         let topology = self.topology;
-        let corners = move |i: usize| match topology {
-            Topology::Triangles => [3 * i, 3 * i + 1, 3 * i + 2],
-            Topology::Strip => [i, i + 1 + i % 2, i + 2 - i % 2],
-            Topology::Fan => [i + 1, i + 2, 0],
-        };
-        (0..self.triangle_count()).map(move |i| corners(i).map(corner))
+        (0..self.triangle_count()).map(move |i| topology.corners(i).map(corner))
     }
 }
 

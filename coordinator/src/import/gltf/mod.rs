@@ -1,10 +1,11 @@
-//! glTF 2.0: `container` and `json` take the file apart, `extension` says whether it can be read at all, `buffer`, `accessor` and `element` give its
-//! numbers, `node`, `animation` and `deform` put things in their places, `mesh`, `material`, `texture` and `light` say what they are, and
-//! `surface` makes the scene of them.
+//! glTF 2.0: `container` and `json` take the file apart, `extension` says whether it can be read at all, `buffer`, `accessor` and `element`
+//! give its numbers, `node`, `animation` and `deform` put things in their places, `mesh`, `topology`, `material`, `texture`, `picture` and
+//! `light` say what they are, and `surface` makes the scene of them.
 //!
-//! The file is checked as it is read, by the rules of the specification and with the strictness of the Khronos validator, whether something
-//! is shown or not: who exports a broken accessor wants to know. The crate `gltf` would give the types of the JSON, but its validation stops
-//! short, it trusts the result, and its errors have no lines; so the JSON is read here, property by property, each with its place.
+//! The file is checked as it is read, by the rules of the specification and with the strictness of the Khronos validator, whether
+//! something is shown or not: who exports a broken accessor wants to know. The crate `gltf` would give the types of the JSON, but its
+//! validation stops short, it trusts the result, and its errors have no lines; so the JSON is read here, property by property, each with
+//! its place.
 
 mod accessor;
 mod animation;
@@ -18,14 +19,17 @@ mod instance;
 mod json;
 mod layout;
 mod light;
+mod local;
 mod material;
 mod mesh;
 mod node;
+mod picture;
 mod property;
 mod reflection;
 mod report;
 mod surface;
 mod texture;
+mod topology;
 mod uri;
 mod values;
 
@@ -52,7 +56,6 @@ pub(super) fn import(
     let has_lines = !container::is_binary(file.as_str(), bytes);
     let mut report = Report::new(file.as_str(), has_lines, findings);
     let scene = read(bundle, file, bytes, time, images, &mut report);
-    report.finish();
     scene.filter(|_| !findings.has_errors())
 }
 
@@ -103,7 +106,8 @@ fn build(
     let (materials, cameras) = (report.objects(root, "materials"), report.objects(root, "cameras"));
     let meshes = mesh::load(root, accessors, materials.len(), report);
     let number_of = |list: &str| root.get(list).map_or(0, Json::len);
-    let counts = Counts { meshes: meshes.len(), skins: number_of("skins"), cameras: cameras.len() };
+    let lights = root.extension(light::PUNCTUAL).and_then(|e| e.get("lights")).map_or(0, Json::len);
+    let counts = Counts { meshes: meshes.len(), skins: number_of("skins"), cameras: cameras.len(), lights, accessors: accessors.count() };
     let graph = Graph::load(root, counts, report);
     let skins = deform::load_skins(root, number_of("nodes"), accessors, report);
     let textures = texture::Textures::new(bundle, file, &accessors.buffers, root, images, report);
@@ -119,7 +123,7 @@ fn build(
         let source = surface::Source { accessors, meshes: &meshes, skins: &skins, graph: &graph };
         nodes.iter().try_for_each(|node| surfaces.add(node, &source, &mut materials, report));
     }
-    materials.check_unused(report);
+    materials.check(report);
     if surfaces.made.len() == 0 && !report.has_errors() {
         report.error_in_file("no node of the scene shows a triangle: there is nothing to bake");
     }

@@ -1,26 +1,12 @@
 //! The node hierarchy: checked to be a forest, with world transforms in f64.
 //!
-//! Everything here iterates over an order in which parents come before their children; a chain of a million nodes costs no stack. What most
-//! nodes of a long list lack (a place, children, weights) is kept apart, so that a node that says nothing takes a hundred bytes and not four.
+//! Everything here iterates over an order in which parents come before their children; a chain of a million nodes costs no stack. What
+//! most nodes of a long list lack (a place, children, weights) is kept apart, so that a node that says nothing takes a hundred bytes and
+//! not four.
 
-use super::{json::Json, property::ANY, report::Report};
-use glam::{DMat4, DQuat, DVec3, DVec4};
+use super::{instance::INSTANCING, json::Json, light::PUNCTUAL, local::Local, property::ANY, report::Report};
+use glam::DMat4;
 use std::rc::Rc;
-
-/// A quaternion whose length is further from one than this was not meant as it stands.
-const UNIT: f64 = 1e-3;
-
-/// How far the last row of an affine matrix may be from what it should be: the rounding of programs that multiply in single precision.
-const LAST_ROW: f64 = 1e-5;
-
-/// How a node stands within its parent.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Local {
-    /// Any affine map.
-    Matrix(DMat4),
-    /// Scale, then rotation, then translation.
-    Parts { translation: DVec3, rotation: DQuat, scale: DVec3 },
-}
 
 /// A node.
 #[derive(Debug)]
@@ -34,6 +20,7 @@ pub(super) struct Node<'d> {
     mesh: Option<u32>,
     skin: Option<u32>,
     camera: Option<u32>,
+    light: Option<u32>,
     /// Its own weights of morph targets.
     pub(super) weights: Option<Box<[f64]>>,
     /// To world space; the parent's own where the node stays where its parent is.
@@ -56,6 +43,11 @@ impl Node<'_> {
         self.camera.map(|i| i as usize)
     }
 
+    /// Index of its light.
+    pub(super) fn light(&self) -> Option<usize> {
+        self.light.map(|i| i as usize)
+    }
+
     /// Whether it says how it stands by a matrix.
     pub(super) fn has_matrix(&self) -> bool {
         matches!(self.local.as_deref(), Some(Local::Matrix(_)))
@@ -68,11 +60,13 @@ impl Node<'_> {
 }
 
 /// How many of the things there are that nodes refer to.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Counts {
     pub(super) meshes: usize,
     pub(super) skins: usize,
     pub(super) cameras: usize,
+    pub(super) lights: usize,
+    pub(super) accessors: usize,
 }
 
 /// All nodes of a file.
@@ -182,27 +176,16 @@ impl<'d> Graph<'d> {
         lists.into_iter().nth(chosen).unwrap_or_else(all)
     }
 
+    /// The roots of a scene. What is no root is an error and none of them, so that nothing is shown twice: of a chain whose nodes are all
+    /// listed, half the square of their number would be.
     fn roots_of(&self, scene: Json<'d>, report: &mut Report<'_>) -> Vec<usize> {
-        let roots = report.indices(scene, "nodes", "node", self.nodes.len());
-        for index in &roots {
-            if let Some(parent) = self.nodes[*index].parent {
-                report.error(scene, format!("node {index} of this scene is a child of node {parent}; only roots may be listed"));
-            }
-        }
+        let mut roots = report.indices(scene, "nodes", "node", self.nodes.len());
+        roots.retain(|index| {
+            let Some(parent) = self.nodes[*index].parent else { return true };
+            report.error(scene, format!("node {index} of this scene is a child of node {parent}; only roots may be listed"));
+            false
+        });
         roots
-    }
-}
-
-impl Local {
-    /// Where its parent is.
-    const STILL: Self = Self::Parts { translation: DVec3::ZERO, rotation: DQuat::IDENTITY, scale: DVec3::ONE };
-
-    /// As a matrix.
-    pub(super) fn matrix(&self) -> DMat4 {
-        match *self {
-            Self::Matrix(m) => m,
-            Self::Parts { translation, rotation, scale } => DMat4::from_scale_rotation_translation(scale, rotation, translation),
-        }
     }
 }
 
@@ -214,60 +197,24 @@ fn node<'d>(json: Json<'d>, all: usize, counts: Counts, world: &Rc<DMat4>, repor
     if skin.is_some() && json.get("mesh").is_none() {
         report.error(json, "the node has a skin but no mesh that it could deform");
     }
+    let light = json.extension(PUNCTUAL).and_then(|e| report.required(e, "light"));
+    let light = light.and_then(|at| report.index_at(at, "light", counts.lights));
+    // Read only where the node is shown.
+    for (_, at) in json.extension(INSTANCING).and_then(|e| e.get("attributes")).into_iter().flat_map(Json::members) {
+        report.index_at(at, "accessor", counts.accessors);
+    }
     Node {
         json,
         parent: None,
         children: report.indices(json, "children", "node", all).into_iter().map(|i| i as u32).collect(),
-        local: Some(local(json, report)).filter(|local| *local != Local::STILL).map(Box::new),
+        local: Some(Local::read(json, report)).filter(|local| *local != Local::STILL).map(Box::new),
         mesh: narrow(mesh),
         skin: narrow(skin),
         camera: narrow(report.index(json, "camera", "camera", counts.cameras)),
+        light: narrow(light),
         weights: weights.map(|list| list.into_iter().map(|w| report.number_at(w, &ANY).unwrap_or(0.0)).collect()),
         world: world.clone(),
     }
-}
-
-fn local(json: Json<'_>, report: &mut Report<'_>) -> Local {
-    let parts = ["translation", "rotation", "scale"].into_iter().find(|name| json.get(name).is_some());
-    if let Some(matrix) = report.vector::<16>(json, "matrix", &ANY) {
-        if let Some(name) = parts {
-            report.error(json, format!("the node has both `matrix` and `{name}`; it may have one of them"));
-        }
-        let mut matrix = DMat4::from_cols_array(&matrix);
-        let off = (matrix.row(3) - DVec4::W).abs().max_element();
-        if off > LAST_ROW {
-            report.error(json, "the last row of `matrix` must be 0, 0, 0, 1");
-        } else if off > 0.0 {
-            report.count(json, "matrices whose last row is 0, 0, 0, 1 but for rounding (taken as that)");
-            (matrix.x_axis.w, matrix.y_axis.w, matrix.z_axis.w, matrix.w_axis.w) = (0.0, 0.0, 0.0, 1.0);
-        }
-        let (x, y, z) = (matrix.x_axis.truncate(), matrix.y_axis.truncate(), matrix.z_axis.truncate());
-        let skewed = |a: DVec3, b: DVec3| a.dot(b).abs() > 1e-3 * (a.length() * b.length()).max(f64::MIN_POSITIVE);
-        if skewed(x, y) || skewed(y, z) || skewed(z, x) {
-            report.count(json, "matrices with a shear, which glTF forbids (applied all the same)");
-        }
-        return Local::Matrix(matrix);
-    }
-    Local::Parts {
-        translation: report.vector(json, "translation", &ANY).map_or(DVec3::ZERO, DVec3::from_array),
-        rotation: rotation(json, report),
-        scale: report.vector(json, "scale", &ANY).map_or(DVec3::ONE, DVec3::from_array),
-    }
-}
-
-fn rotation(json: Json<'_>, report: &mut Report<'_>) -> DQuat {
-    let Some(q) = report.vector(json, "rotation", &ANY).map(DQuat::from_array) else { return DQuat::IDENTITY };
-    let length = q.length();
-    if (length - 1.0).abs() > UNIT {
-        report.count(json, "rotations that are no unit quaternions (brought to length 1)");
-    }
-    unit(q)
-}
-
-/// A quaternion of length one; no rotation at all where it has no length.
-pub(super) fn unit(q: DQuat) -> DQuat {
-    let length = q.length();
-    if length > 0.0 && length.is_finite() { q * (1.0 / length) } else { DQuat::IDENTITY }
 }
 
 #[cfg(test)]
@@ -275,6 +222,7 @@ mod tests {
     use super::super::json::Document;
     use super::*;
     use crate::import::findings::Findings;
+    use glam::DVec3;
 
     /// The shortest nodes are three bytes of a file: what each takes in memory is what such a file may ask for.
     #[test]
@@ -283,7 +231,7 @@ mod tests {
         let text = r#"{"nodes": [{}, {"children": [0], "translation": [1, 2, 3]}, {"scale": [1, 1, 1]}, {}]}"#;
         let (document, mut findings) = (Document::parse(text).unwrap(), Findings::default());
         let mut report = Report::new("a", false, &mut findings);
-        let mut graph = Graph::load(document.root(), Counts { meshes: 0, skins: 0, cameras: 0 }, &mut report).unwrap();
+        let mut graph = Graph::load(document.root(), Counts::default(), &mut report).unwrap();
         graph.place();
         let [a, b, c, d] = &graph.nodes[..] else { panic!() };
         assert!(Rc::ptr_eq(&a.world, &b.world) && Rc::ptr_eq(&c.world, &d.world) && !Rc::ptr_eq(&a.world, &d.world));

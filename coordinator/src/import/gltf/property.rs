@@ -1,5 +1,5 @@
-//! The reading of properties with their faults: what is wrong is told where it is read and counts as absent afterwards, so that one fault is
-//! told once and the rest of the file is still looked at.
+//! The reading of properties with their faults: what is wrong is told where it is read and counts as absent afterwards, so that one fault
+//! is told once and the rest of the file is still looked at.
 
 use super::{
     json::{Json, Kind},

@@ -27,7 +27,9 @@ pub(super) struct Volume {
 }
 
 impl Volume {
-    /// Tints a material whose node stretches lengths by this much: Beer's law over the thickness; what is reflected is not tinted.
+    /// Tints a material whose node stretches lengths by this much: Beer's law over the thickness. There is one base colour for what goes
+    /// through and for what is scattered back, so this is exact where the transmission is 1, and else right for their sum: of an opaque
+    /// volume with a transmission of 0.5 both become half of what they were, while the one should be gone and the other whole.
     pub(super) fn tint(self, pbr: &mut MetallicRoughness, stretch: f32) {
         let depth = (self.share * stretch).clamp(f32::MIN_POSITIVE, DEEPEST);
         let left = self.color.map(|c| if c < 1.0 { 1.0 - pbr.transmission + pbr.transmission * math::pow(c, depth) } else { 1.0 });

@@ -69,16 +69,15 @@ impl Surfaces {
         let copies = Instances::of(node, source.accessors, report)?;
         self.count(node, mesh, copies.count, source, report)?;
         let name = node.json.name().or_else(|| mesh.name.clone()).unwrap_or_else(|| format!("mesh{index}"));
+        let joints = node.skin().map(|skin| source.skins[skin].matrices(source.graph, source.accessors));
         for copy in 0..copies.count {
-            let copy = copies.matrix(copy, source.accessors);
+            let world = *node.world * copies.matrix(copy, source.accessors);
             for primitive in &mesh.primitives {
-                let placed = place(node, *node.world * copy, mesh, primitive, source, report)?;
-                let tint = surfaces::mean_colour(placed.colors.iter().copied());
+                let placed = place(node, world, joints.as_deref(), mesh, primitive, source.accessors, report)?;
+                let tint = || surfaces::mean_colour(placed.colors.iter().copied());
                 let chosen = materials.choose(primitive.material, tint, placed.moved.stretch, report);
-                let wanted = match mesh.primitives.len() {
-                    1 => name.clone(),
-                    _ => format!("{name}.{}", materials.materials[chosen.id as usize].name),
-                };
+                let material = materials.materials[chosen.id as usize].name.as_str();
+                let wanted = surfaces::called(&name, (mesh.primitives.len() > 1).then_some(material));
                 self.surface(&wanted, &placed, &chosen, source.accessors, report);
             }
         }
@@ -105,8 +104,8 @@ impl Surfaces {
         }
         let weights = node.weights.as_deref().unwrap_or(&mesh.weights);
         let joints = node.skin().map_or(0, |skin| source.skins[skin].joint_count() as u64);
-        let each = mesh.primitives.iter().map(|p| p.work(weights).saturating_add(joints)).fold(0, u64::saturating_add);
-        self.read = self.read.saturating_add(each.saturating_mul(copies as u64));
+        let each = mesh.primitives.iter().map(|p| p.work(weights)).fold(0, u64::saturating_add);
+        self.read = self.read.saturating_add(joints).saturating_add(each.saturating_mul(copies as u64));
         let of_bytes = source.accessors.buffers.total().saturating_mul(READ_PER_BYTE);
         let most = READ.saturating_add(of_bytes).saturating_add(READ_PER_TRIANGLE.saturating_mul(self.triangles as u64));
         if self.read > most {
@@ -183,29 +182,31 @@ impl Surfaces {
     }
 }
 
+/// Takes a primitive to world space, by the joints of its node's skin where there are some.
 fn place<'p, 's, 'd>(
     node: &Node<'_>,
     world: DMat4,
+    joints: Option<&[DMat4]>,
     mesh: &Mesh<'_, '_>,
     primitive: &'p Primitive<'s, 'd>,
-    source: &Source<'_, '_, '_>,
+    accessors: &Accessors<'_, '_>,
     report: &mut Report<'_>,
 ) -> Option<Placed<'p, 's, 'd>> {
-    let (accessors, json) = (source.accessors, primitive.json);
+    let json = primitive.json;
     let weights = node.weights.as_deref().unwrap_or(&mesh.weights);
     if !weights.is_empty() && weights.len() != primitive.targets.len() {
         let message = format!("{} weights are given for the {} morph targets of the mesh", weights.len(), primitive.targets.len());
         report.error(node.json, message);
         return None;
     }
-    match (node.skin().is_some(), !primitive.influences.is_empty()) {
+    match (joints.is_some(), !primitive.influences.is_empty()) {
         (true, false) => report.count(node.json, "nodes have a skin, but their meshes have no joints; they were not bent"),
         (false, true) => report.count(json, "primitives have joints, but their nodes have no skin; they were not bent"),
         _ => {}
     }
     let mut shape = Shape::read(primitive, weights, accessors);
-    let moved = match node.skin().filter(|_| !primitive.influences.is_empty()) {
-        Some(skin) => shape.bend(primitive, &source.skins[skin], source.graph, accessors, report)?,
+    let moved = match joints.filter(|_| !primitive.influences.is_empty()) {
+        Some(joints) => shape.bend(primitive, joints, accessors, report)?,
         None => shape.place(world),
     };
     if shape.positions.iter().any(|p| !p.is_finite() || p.abs().max_element() > f64::from(f32::MAX)) {

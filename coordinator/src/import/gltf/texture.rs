@@ -3,62 +3,36 @@
 //! glTF counts v from the top of an image, the canonical scene from the bottom. With v' = 1 - v at the vertices and rows turned over in the
 //! image, a transform of KHR_texture_transform has to be turned over too.
 
-use super::{
-    buffer::{Buffers, View},
-    json::Json,
-    property::ANY,
-    report::Report,
-    uri::{self, Target},
-};
+use super::{buffer::Buffers, json::Json, picture::Pictures, property::ANY, report::Report};
 use crate::import::{
     Bundle, BundlePath,
     images::{Image, Images, Wanted},
-    texture,
 };
-use crate::records::Problem;
 use kiln_proto::{
     limits, math,
     scene::{Coding, Mapping, TextureRef, Wrap},
 };
-use std::{
-    borrow::Cow,
-    collections::{BTreeMap, BTreeSet},
-};
+use std::collections::BTreeMap;
 
 /// Extensions that bring an image of their own beside the texture's `source`.
 const OTHER_IMAGES: [&str; 4] = ["EXT_texture_avif", "EXT_texture_webp", "KHR_texture_basisu", "MSFT_texture_dds"];
 
-/// Times that the bytes of the buffers are looked at for images that materials use, and as often for those that nothing uses: views of one
-/// buffer may overlap.
-const LOOKS: u64 = 4;
-
 /// The textures of a file.
 pub(super) struct Textures<'a, 'd> {
-    bundle: &'a Bundle,
-    file: &'a BundlePath,
-    buffers: &'a Buffers<'a>,
     textures: Vec<Json<'d>>,
-    sources: Vec<Json<'d>>,
     samplers: Vec<Json<'d>>,
-    /// What was read of textures, samplers and images: thousands may refer to one that is long.
-    known: Known<'a, 'd>,
-    /// Bytes of views that may still be looked at.
-    left: u64,
+    pictures: Pictures<'a, 'd>,
+    /// What was read of textures and samplers, by index: thousands may refer to one that is long.
+    known: Known,
     /// The decoded images.
     pub(super) images: &'a mut Images,
 }
 
-/// What was read already, by index.
+/// What was read already.
 #[derive(Default)]
-struct Known<'a, 'd> {
+struct Known {
     textures: BTreeMap<usize, Option<Described>>,
     samplers: BTreeMap<usize, Sampling>,
-    /// The images that materials use; `None` where one cannot be had.
-    images: BTreeMap<usize, Option<Located<'a, 'd>>>,
-    /// The first image of each view.
-    views: BTreeMap<View, usize>,
-    /// Means of images, linear or not.
-    means: BTreeMap<(usize, bool), Option<[f32; 4]>>,
 }
 
 /// Wrapping along u and v, and whether texels are taken as they are.
@@ -89,14 +63,10 @@ impl<'a, 'd> Textures<'a, 'd> {
         report: &mut Report<'_>,
     ) -> Self {
         Self {
-            bundle,
-            file,
-            buffers,
             textures: report.objects(root, "textures"),
-            sources: report.objects(root, "images"),
             samplers: report.objects(root, "samplers"),
+            pictures: Pictures::new(bundle, file, buffers, root, report),
             known: Known::default(),
-            left: buffers.total().saturating_mul(LOOKS),
             images,
         }
     }
@@ -125,20 +95,11 @@ impl<'a, 'd> Textures<'a, 'd> {
         let at = report.required(owner.get(name)?, "index")?;
         let index = report.index_at(at, "texture", self.textures.len())?;
         let source = self.described(index, report)?.source;
-        let key = (source, coding == Coding::Linear);
-        if let Some(known) = self.known.means.get(&key) {
-            return *known;
-        }
-        let mean = self.measure(source, coding, report);
-        self.known.means.insert(key, mean);
-        mean
-    }
-
-    fn measure(&mut self, index: usize, coding: Coding, report: &mut Report<'_>) -> Option<[f32; 4]> {
-        let located = self.locate(index, report)?;
-        let (name, bytes) = (self.image_name(index, located), self.bytes(index, located, report)?);
-        let (at, findings) = report.raw(self.sources[index]);
-        self.images.measure(&name, coding, at, findings, || bytes)
+        let Self { pictures, images, .. } = self;
+        let picture = pictures.find(source, report)?;
+        let place = report.place();
+        let (at, findings) = report.raw(picture.json);
+        images.measure(&picture.name, coding, at, findings, || pictures.read(&picture, place))
     }
 
     /// What a texture says; `None` where it has no image.
@@ -171,94 +132,19 @@ impl<'a, 'd> Textures<'a, 'd> {
             }
             (Some(_), None) => {}
         }
-        report.index(texture, "source", "image", self.sources.len())
-    }
-
-    /// A name that stands for the bytes of an image.
-    fn image_name(&self, index: usize, located: Located<'_, '_>) -> String {
-        let inside = |index: usize| format!("{}#/images/{index}", self.file);
-        match located {
-            Located::File(path) => path.to_string(),
-            Located::View(view) => inside(self.known.views.get(&view.bytes()).copied().unwrap_or(index)),
-            Located::Data(_) => inside(index),
-        }
+        report.index(texture, "source", "image", self.pictures.len())
     }
 
     fn decode(&mut self, index: usize, wanted: Wanted, report: &mut Report<'_>) -> Option<Image> {
-        let located = self.locate(index, report)?;
-        let name = self.image_name(index, located);
-        if let Some(known) = self.images.known(&name, wanted) {
-            return known;
+        let Self { pictures, images, .. } = self;
+        let picture = pictures.find(index, report)?;
+        let place = report.place();
+        let (at, findings) = report.raw(picture.json);
+        let image = images.bytes(&picture.name, wanted, at, findings, || pictures.read(&picture, place));
+        if image.is_none() {
+            pictures.refuse(index);
         }
-        let bytes = self.bytes(index, located, report)?;
-        let (at, findings) = report.raw(self.sources[index]);
-        self.images.bytes(&name, wanted, at, findings, || bytes)
-    }
-
-    /// The bytes of an image that a material uses; `None` where they are none, which is told once.
-    fn bytes(&mut self, index: usize, located: Located<'a, 'd>, report: &mut Report<'_>) -> Option<Result<Cow<'a, [u8]>, Problem>> {
-        let bytes = self.read(located, report);
-        if bytes.is_none() {
-            self.known.images.insert(index, None);
-        }
-        bytes
-    }
-
-    fn read(&self, located: Located<'a, 'd>, report: &mut Report<'_>) -> Option<Result<Cow<'a, [u8]>, Problem>> {
-        Some(match located {
-            Located::File(path) => self.bundle.read(path, limits::BUNDLE_BYTES),
-            Located::View(view) => Ok(Cow::Borrowed(self.buffers.bytes(view))),
-            Located::Data(at) => match uri::resolve(self.bundle, self.file, at, report)? {
-                Target::Data(bytes) => Ok(Cow::Owned(bytes)),
-                Target::File(path) => self.bundle.read(path, limits::BUNDLE_BYTES),
-            },
-        })
-    }
-
-    /// Where the bytes of an image that a material uses are.
-    fn locate(&mut self, index: usize, report: &mut Report<'_>) -> Option<Located<'a, 'd>> {
-        if let Some(known) = self.known.images.get(&index) {
-            return *known;
-        }
-        let located = self.find_image(self.sources[index], report).filter(|located| self.may_look(index, *located, report));
-        self.known.images.insert(index, located);
-        located
-    }
-
-    /// Whether the bytes of views up to this one are not too many; those that are the same count once.
-    fn may_look(&mut self, index: usize, located: Located<'_, '_>, report: &mut Report<'_>) -> bool {
-        let Located::View(view) = located else { return true };
-        if self.known.views.contains_key(&view.bytes()) {
-            return true;
-        }
-        let Some(left) = self.left.checked_sub(view.len as u64) else {
-            let message =
-                format!("the views of the images up to this one have more than {LOOKS} times the bytes of all buffers: they overlap");
-            report.error(self.sources[index], message);
-            return false;
-        };
-        self.left = left;
-        self.known.views.insert(view.bytes(), index);
-        true
-    }
-
-    /// Where the bytes of an image are; those in the text itself are not decoded yet.
-    fn find_image(&self, source: Json<'d>, report: &mut Report<'_>) -> Option<Located<'a, 'd>> {
-        match (source.get("uri"), source.get("bufferView")) {
-            (Some(at), None) if uri::is_data(at) => Some(Located::Data(at)),
-            (Some(at), None) => match uri::resolve(self.bundle, self.file, at, report)? {
-                Target::Data(_) => Some(Located::Data(at)),
-                Target::File(path) => Some(Located::File(path)),
-            },
-            (None, Some(at)) => {
-                let view = report.index_at(at, "buffer view", self.buffers.view_count())?;
-                Some(Located::View(self.buffers.view_of(view)?))
-            }
-            _ => {
-                report.error(source, "an image has either a `uri` or a `bufferView`");
-                None
-            }
-        }
+        image
     }
 
     /// The roughness, in green, that belongs to the glossiness in the alpha channel of a texture.
@@ -275,36 +161,21 @@ impl<'a, 'd> Textures<'a, 'd> {
 
     /// Checks what a texture info refers to, without decoding anything.
     pub(super) fn check(&self, info: Json<'_>, report: &mut Report<'_>) {
-        report.index(info, "index", "texture", self.textures.len());
+        if let Some(at) = report.required(info, "index") {
+            report.index_at(at, "texture", self.textures.len());
+        }
     }
 
-    /// Looks at the images that no material uses, once at each file and view: what is wrong with them does no harm, but is said.
+    /// Checks what textures refer to that no material uses, and looks at unused images.
     pub(super) fn check_unused(&self, report: &mut Report<'_>) {
         for texture in &self.textures {
-            report.index(*texture, "source", "image", self.sources.len());
+            let others = OTHER_IMAGES.iter().filter_map(|name| texture.extension(name));
+            for owner in [*texture].into_iter().chain(others) {
+                report.index(owner, "source", "image", self.pictures.len());
+            }
             report.index(*texture, "sampler", "sampler", self.samplers.len());
         }
-        let (mut files, mut views, mut left) = (BTreeSet::new(), BTreeSet::new(), self.buffers.total().saturating_mul(LOOKS));
-        for source in self.sources.iter().enumerate().filter(|(i, _)| !self.known.images.contains_key(i)).map(|(_, source)| *source) {
-            if report.is_full() {
-                return;
-            }
-            let Some(located) = self.find_image(source, report) else { continue };
-            let is_new = match located {
-                Located::File(path) => files.insert(path),
-                Located::View(view) => view.len as u64 <= left && views.insert(view.bytes()),
-                Located::Data(_) => true,
-            };
-            if let (true, Located::View(view)) = (is_new, located) {
-                left -= view.len as u64;
-            }
-            let Some(bytes) = (if is_new { self.read(located, report) } else { None }) else { continue };
-            match bytes.map(|bytes| texture::size("image", &bytes)) {
-                Err(problem) => report.push_error(problem),
-                Ok(Err(e)) => report.warn(source, format!("the image {e}; no material uses it")),
-                Ok(Ok(_)) => {}
-            }
-        }
+        self.pictures.check_unused(report);
     }
 
     /// How a texture is sampled.
@@ -334,14 +205,6 @@ impl<'a, 'd> Textures<'a, 'd> {
         self.known.samplers.insert(index, (wrap, nearest));
         (wrap, nearest)
     }
-}
-
-/// Where the bytes of an image are: the URI of those in the text.
-#[derive(Clone, Copy)]
-enum Located<'a, 'd> {
-    File(&'a BundlePath),
-    View(View),
-    Data(Json<'d>),
 }
 
 /// KHR_texture_transform (offset x rotation x scale) for coordinates whose v counts up.

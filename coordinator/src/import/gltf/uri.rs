@@ -1,7 +1,7 @@
 //! What the URIs of buffers and images lead to: data inside the file, or a file of the bundle.
 
 use super::{json::Json, report::Report};
-use crate::import::{Bundle, BundlePath, bundle::Found, uri};
+use crate::import::{Bundle, BundlePath, uri};
 
 /// What a URI leads to.
 pub(super) enum Target<'b> {
@@ -30,16 +30,9 @@ pub(super) fn resolve<'b>(bundle: &'b Bundle, from: &BundlePath, at: Json<'_>, r
         report.error(at, format!("the URI leads out of the bundle (`{scheme}:`); only files of the bundle are read"));
         return None;
     };
-    let found = [decoded.as_str(), text.as_ref()].into_iter().find_map(|path| bundle.find(from, path));
-    match found {
-        Some(Found::Exact(path)) => Some(Target::File(path)),
-        Some(Found::Near(path)) => {
-            report.warn(at, format!("the file `{decoded}` is not in the bundle; `{path}` is used instead"));
-            Some(Target::File(path))
-        }
-        None => {
-            report.error(at, format!("the file `{decoded}` is not in the bundle"));
-            None
-        }
-    }
+    let Some(found) = bundle.find_address(from, &text) else {
+        report.error(at, format!("the file `{decoded}` is not in the bundle"));
+        return None;
+    };
+    Some(Target::File(found.told("the file", &decoded, |message| report.warn(at, message))))
 }

@@ -26,6 +26,17 @@ fn an_image_is_decoded_once_for_each_meaning_and_keeps_alpha_on_demand() {
     assert_eq!((images.textures[0].coding, images.textures[1].coding), (Coding::Srgb, Coding::Linear));
 }
 
+/// A file may be called like what is made of another one.
+#[test]
+fn what_is_made_is_told_from_files() {
+    let (mut images, mut findings, bytes) = (Images::default(), Findings::default(), png());
+    let wanted = Wanted { coding: Coding::Linear, alpha: false };
+    let file = images.bytes("a~rough", wanted, At::file("s"), &mut findings, || Ok(Cow::Borrowed(&bytes))).unwrap();
+    let mut derive = |texel: [u8; 3]| images.derive("a~rough", file.id, |_| texel, At::file("s"), &mut findings).unwrap().id;
+    assert_eq!((derive([7; 3]), derive([8; 3])), (1, 1), "made once");
+    assert_eq!(images.textures[1].texels, [7; 6]);
+}
+
 #[test]
 fn means_are_those_of_light() {
     let (mut images, mut findings) = (Images::default(), Findings::default());

@@ -6,7 +6,7 @@
 use super::{material::Materials, scan::State, shade::Shaded};
 use crate::import::{
     findings::{At, Findings},
-    surfaces::{Look, NAME_CHARS, Surfaces},
+    surfaces::{Look, Surfaces, called},
 };
 use kiln_proto::{limits, scene::Scene};
 use std::collections::BTreeMap;
@@ -50,19 +50,6 @@ pub(super) fn build(file: &str, stem: &str, shaded: &Shaded, materials: &mut Mat
         }
     }
     surfaces.finish(scene);
-}
-
-/// What a surface is called. Of a long name of an object the end is kept, from a word on: CAD programs list the assemblies around a part
-/// before it, and the beginning is what all parts share.
-fn called(object: &str, material: Option<&str>) -> String {
-    let ending: String = material.into_iter().flat_map(|name| ['.'].into_iter().chain(name.chars())).take(NAME_CHARS / 2).collect();
-    let room = NAME_CHARS - ending.chars().count();
-    let Some((from, _)) = object.char_indices().rev().nth(room) else { return format!("{object}{ending}") };
-    let end = object[from..].trim_start_matches(|c: char| !c.is_whitespace()).trim_start();
-    // A word that is too long itself begins anywhere.
-    let last = || object[from..].chars().skip(1).collect();
-    let kept = if end.is_empty() { last() } else { end.to_owned() };
-    format!("{kept}{ending}")
 }
 
 fn looks_up(materials: &Materials<'_>, id: u32) -> bool {

@@ -1,8 +1,8 @@
 //! Single numbers in pictures: planes of them, and what a decoded picture is worth knowing for once it is gone.
 //!
 //! A picture of 16,384 pixels a side takes a gigabyte and seconds to decode, and an MTL line that names it thirty bytes. So each is decoded
-//! once to count its values; what a material wants to know of it afterwards (is it transparent, in colour, a normal map, what is its mean) is
-//! answered by the counts, and it is decoded again only to become a texture of the scene, which has a bound of its own.
+//! once to count its values; what a material wants to know of it afterwards (is it transparent, in colour, a normal map, what is its mean)
+//! is answered by the counts, and it is decoded again only to become a texture of the scene, which has a bound of its own.
 
 use super::map::Channel;
 use crate::import::texture::Decoded;

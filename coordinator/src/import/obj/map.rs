@@ -35,6 +35,8 @@ pub(super) struct Map {
     pub(super) channel: Option<Channel>,
     /// `-mm`: what is added to the values of the texture, and what they are multiplied with.
     pub(super) range: Option<[f32; 2]>,
+    /// `-colorspace`, as written: whether it says what is so depends on what the picture holds.
+    pub(super) space: Option<String>,
     /// Options that would change the picture and are not honoured, as written.
     pub(super) ignored: Vec<String>,
 }
@@ -52,7 +54,7 @@ pub(super) enum Channel {
 
 impl Map {
     fn of(file: String) -> Self {
-        Self { file, offset: [0.0; 2], scale: [1.0; 2], clamp: false, bump: None, channel: None, range: None, ignored: vec![] }
+        Self { file, offset: [0.0; 2], scale: [1.0; 2], clamp: false, bump: None, channel: None, range: None, space: None, ignored: vec![] }
     }
 
     /// Takes an option; false where it is none that this program honours.
@@ -77,8 +79,7 @@ impl Map {
             // These concern how an image is filtered.
             "-blendu" | "-blendv" | "-boost" | "-texres" => {}
             "-cc" => return values == ["off"],
-            // Colours are sRGB anyway. That numbers are not is told apart where it is known which of them the picture holds.
-            "-colorspace" => return values.first().is_some_and(|v| v.eq_ignore_ascii_case("srgb")),
+            "-colorspace" => self.space = values.first().map(|v| (*v).to_owned()),
             "-t" => return values.iter().all(|v| v.parse() == Ok(0.0)),
             _ => return false,
         }

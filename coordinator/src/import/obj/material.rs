@@ -26,8 +26,6 @@ use std::collections::BTreeMap;
 const MIRROR_EXPONENT: f32 = 1000.0;
 /// Where an opacity of an image is cut that is all or nothing.
 const CUTOFF: f32 = 0.5;
-/// Index of refraction of glass that does not state one.
-const GLASS: f32 = 1.5;
 
 /// Canonical materials and textures, made as faces ask for them: what no face uses never reaches the scene.
 pub(super) struct Materials<'a> {
@@ -87,6 +85,8 @@ impl<'a> Materials<'a> {
                 glass(name, raw, through, &mut physical, findings);
                 opacity = Opacity::OPAQUE;
             }
+            // Over the glass, whose roughness is another.
+            self.coat(raw, &mut physical, findings);
             Reflection::MetallicRoughness(physical)
         } else {
             Reflection::Phong(Phong { layers, ..self.phong(name, raw, diffuse, findings) })
@@ -142,13 +142,16 @@ impl<'a> Materials<'a> {
             let message = "Ks and Ns of materials with numbers of the PBR extension were ignored (said once)";
             findings.warn_once(At::line(raw.file.as_str(), line), "Ks", message);
         }
-        if let Some(coat) = raw.number(Number::Coat).filter(|c| *c > 0.0) {
-            let message = "clear coats (Pc) are folded into the specular lobe below them (said once)";
-            findings.warn_once(raw.at(Number::Coat), "coat", message);
-            let coat = Coat { strength: coat, roughness: raw.number(Number::CoatRoughness).unwrap_or(0.0) };
-            coat::fold(&mut physical, coat, self.pictures.images);
-        }
         physical
+    }
+
+    /// Folds the coat that a material states into what lies below it.
+    fn coat(&mut self, raw: &RawMaterial, below: &mut MetallicRoughness, findings: &mut Findings) {
+        let Some(strength) = raw.number(Number::Coat).filter(|c| *c > 0.0) else { return };
+        let message = "clear coats (Pc) are folded into the specular lobe below them (said once)";
+        findings.warn_once(raw.at(Number::Coat), "coat", message);
+        let coat = Coat { strength, roughness: raw.number(Number::CoatRoughness).unwrap_or(0.0) };
+        coat::fold(below, coat, self.pictures.images);
     }
 
     /// `d`, else 1 - `Tr`, times map_d, else times the alpha channel of map_Kd.
@@ -233,10 +236,10 @@ fn is_physical(raw: &RawMaterial) -> bool {
     numbers.iter().any(|n| raw.number(*n).is_some()) || raw.map(Role::Roughness).is_some() || raw.map(Role::Metallic).is_some()
 }
 
-/// The roughness of a lobe as wide as Phong's of this exponent: alpha² = 2/(n + 2) (Walter et al. 2007, section 5.2), and alpha is the
-/// square of the roughness.
+/// The roughness of a lobe as wide as the highlight of this exponent.
 fn roughness_of(exponent: f32) -> f32 {
-    if exponent >= MIRROR_EXPONENT { 0.0 } else { (2.0 / (exponent + 2.0)).sqrt().sqrt() }
+    let lobe = if exponent >= MIRROR_EXPONENT { Lobe::Mirror } else { Lobe::Phong { exponent } };
+    lobe.roughness()
 }
 
 /// The share of light that goes through as through glass: where the illumination model is one of glass or refraction (4, 6, 7, 9) and the
@@ -263,9 +266,6 @@ fn glass(name: &str, raw: &RawMaterial, through: f32, physical: &mut MetallicRou
     physical.base_color = physical.base_color * (1.0 - through) + tint * through;
     physical.transmission = through;
     physical.metallic = 0.0;
-    if raw.number(Number::Refraction).is_none_or(|n| n < 1.0) {
-        physical.ior = GLASS;
-    }
     if raw.number(Number::Roughness).is_none() && raw.map(Role::Roughness).is_none() {
         physical.roughness = raw.number(Number::Exponent).map_or(0.0, roughness_of);
     }

@@ -6,6 +6,7 @@
 //! ```
 
 mod build;
+mod count;
 mod facts;
 mod map;
 mod material;
@@ -54,17 +55,11 @@ fn read_libraries(bundle: &Bundle, main: &BundlePath, statements: &[(u32, String
     for (line, operands) in statements {
         for name in split_names(operands, |n| matches!(bundle.find(main, n), Some(Found::Exact(_)))) {
             let at = At::line(main.as_str(), *line);
-            let path = match bundle.find(main, &name) {
-                Some(Found::Exact(path)) => path,
-                Some(Found::Near(path)) => {
-                    findings.warn(at, format!("the material library `{name}` is not in the bundle; `{path}` is used instead"));
-                    path
-                }
-                None => {
-                    findings.warn(at, format!("the material library `{name}` is not in the bundle; its materials are taken as grey"));
-                    continue;
-                }
+            let Some(found) = bundle.find(main, &name) else {
+                findings.warn(at, format!("the material library `{name}` is not in the bundle; its materials are taken as grey"));
+                continue;
             };
+            let path = found.told("the material library", &name, |message| findings.warn(at, message));
             if !read.insert(path.clone()) {
                 continue;
             }

@@ -1,7 +1,7 @@
 //! Materials as an MTL text states them, each value with its line.
 //!
-//! Read here and not with a library: those keep no lines, give up at the first fault, want three numbers where the format allows one, and take
-//! options of `map_Kd` for part of the file name.
+//! Read here and not with a library: those keep no lines, give up at the first fault, want three numbers where the format allows one, and
+//! take options of `map_Kd` for part of the file name.
 
 use super::{
     map::{self, Map},
@@ -214,8 +214,9 @@ impl Reader<'_> {
         if map.bump.is_some_and(|b| b != 1.0) && !matches!(role, Role::Bump | Role::Normal) {
             map.ignored.push("-bm".to_owned());
         }
-        if is_number || role == Role::Normal {
-            map.ignored.retain(|option| !option.starts_with("-colorspace"));
+        let is_colour = !is_number && role != Role::Normal;
+        if let Some(space) = map.space.take().filter(|space| space.eq_ignore_ascii_case("srgb") != is_colour) {
+            map.ignored.push(format!("-colorspace {space}"));
         }
         for option in &map.ignored {
             let message = format!("the option `{option}` of {word} is not supported and was ignored");

@@ -1,8 +1,8 @@
 //! The textures of MTL materials: files looked up, options turned into references, and single numbers taken out of pictures.
 //!
 //! The canonical material wants opacity in an alpha channel and roughness and metalness in one texture; MTL has a picture for each. So
-//! textures are made, each once for all materials that ask for the same: a picture is decoded once to know it and once for each texture that
-//! is made of it. The last one is kept, so that most are decoded once.
+//! textures are made, each once for all materials that ask for the same: a picture is decoded once to know it and once for each texture
+//! that is made of it. The last one is kept, so that most are decoded once.
 
 use super::{
     facts::{Facts, Plane},
@@ -12,8 +12,8 @@ use crate::import::{
     Bundle, BundlePath,
     bundle::Found,
     findings::{At, Findings},
-    images::{Image, Images, Wanted},
-    texture::{self, Decoded},
+    images::{self, Image, Images, Wanted},
+    texture::Decoded,
 };
 use kiln_proto::{
     limits,
@@ -50,17 +50,11 @@ impl<'b> Pictures<'b> {
     /// The file that a map names; `None` where there is none, which is then an error.
     fn path(&self, named: Named<'_>, findings: &mut Findings) -> Option<&'b BundlePath> {
         let file = &named.map.file;
-        match self.bundle.find(named.from, file) {
-            Some(Found::Exact(path)) => Some(path),
-            Some(Found::Near(path)) => {
-                findings.warn(named.at, format!("the texture `{file}` is not in the bundle; `{path}` is used instead"));
-                Some(path)
-            }
-            None => {
-                findings.error(named.at, format!("the texture `{file}` is not in the bundle"));
-                None
-            }
-        }
+        let Some(found) = self.bundle.find(named.from, file) else {
+            findings.error(named.at, format!("the texture `{file}` is not in the bundle"));
+            return None;
+        };
+        Some(found.told("the texture", file, |message| findings.warn(named.at, message)))
     }
 
     /// A picture as it is.
@@ -93,8 +87,8 @@ impl<'b> Pictures<'b> {
         Some((image, reference(image, map)))
     }
 
-    /// One texture of roughness (green) and metalness (blue). A picture in colour that is named for both is taken to hold them there; of any
-    /// other the luminance counts.
+    /// One texture of roughness (green) and metalness (blue). A picture in colour that is named for both is taken to hold them there; of
+    /// any other the luminance counts.
     pub(super) fn surface(
         &mut self,
         roughness: Option<Named<'_>>,
@@ -143,10 +137,11 @@ impl<'b> Pictures<'b> {
         Some(self.facts(path, named.at, findings)?.mean(map.channel.unwrap_or(Channel::Luminance), map.range))
     }
 
-    /// The normal map in a picture that is named as a bump map, as exporters do; `None` where it is one of heights or missing, which is said.
+    /// The normal map in a picture that is named as a bump map, as exporters do; `None` where it is one of heights or missing, which is
+    /// said.
     pub(super) fn bump(&mut self, named: Named<'_>, findings: &mut Findings) -> Option<TextureRef> {
         let file = &named.map.file;
-        let Some(Found::Exact(path) | Found::Near(path)) = self.bundle.find(named.from, file) else {
+        let Some(path) = self.bundle.find(named.from, file).map(Found::path) else {
             findings.warn(named.at, format!("the bump map `{file}` is not in the bundle; the surface is baked smooth"));
             return None;
         };
@@ -197,9 +192,8 @@ impl<'b> Pictures<'b> {
         if findings.is_full() {
             return None;
         }
-        let bytes = self.bundle.read(path, limits::BUNDLE_BYTES).map_err(|problem| findings.push_error(problem)).ok()?;
-        let decoded = texture::decode(path.as_str(), &bytes, Coding::Linear, true);
-        let decoded = Rc::new(decoded.map_err(|e| findings.error(at, format!("the image `{path}` {e}"))).ok()?);
+        let (bundle, wanted) = (self.bundle, Wanted { coding: Coding::Linear, alpha: true });
+        let decoded = Rc::new(images::decode(path.as_str(), wanted, at, findings, || bundle.read(path, limits::BUNDLE_BYTES))?);
         self.last = Some((path, decoded.clone()));
         Some(decoded)
     }

@@ -3,26 +3,42 @@
 //! A comment means nothing to the format, but this is the only place where that program writes its colours, and whoever exports them wants
 //! them. Masks say where sculpting is forbidden and are left out.
 
+use super::text;
 use crate::import::findings::{At, Findings};
 
-/// The colours of a text in order, coded for the eye, and the line of the first; nothing where it has none or they are broken, which is said.
-pub(super) fn read(file: &str, text: &str, findings: &mut Findings) -> Option<(u32, Vec<[f32; 3]>)> {
+/// The paint of a text.
+pub(super) struct Paint {
+    /// The line of the first colour.
+    pub(super) line: u32,
+    /// How many colours there are.
+    pub(super) found: usize,
+    /// The first of them, in order, coded for the eye.
+    pub(super) colours: Vec<[f32; 3]>,
+}
+
+/// The paint of a text with so many vertices; nothing where it has none or it is broken, which is said.
+pub(super) fn read(file: &str, text: &str, vertices: usize, findings: &mut Findings) -> Option<Paint> {
     if !text.contains("#MRGB") {
         return None;
     }
-    let (mut colours, mut first) = (vec![], None);
-    for (line, paint) in (1..).zip(text.lines()).filter_map(|(line, text)| Some((line, text.trim().strip_prefix("#MRGB ")?))) {
-        first.get_or_insert(line);
+    let lines = || text::lines(text).filter_map(|(line, text)| Some((line, text.trim().strip_prefix("#MRGB ")?)));
+    let found: usize = lines().flat_map(|(_, paint)| paint.split_whitespace()).map(|word| word.len().div_ceil(8)).sum();
+    let mut colours = Vec::with_capacity(found.min(vertices));
+    for (line, paint) in lines() {
         for digits in paint.split_whitespace().flat_map(|word| word.as_bytes().chunks(8)) {
             let Some(colour) = colour(digits) else {
                 findings
                     .warn(At::line(file, line), "polypaint (#MRGB) is not written in eight hexadecimal digits a vertex; it was ignored");
                 return None;
             };
-            colours.push(colour);
+            // What no vertex has is read, so that it is told where it is broken, and not kept.
+            if colours.len() < vertices {
+                colours.push(colour);
+            }
         }
     }
-    Some((first?, colours))
+    let (line, _) = lines().next()?;
+    Some(Paint { line, found, colours })
 }
 
 fn colour(digits: &[u8]) -> Option<[f32; 3]> {

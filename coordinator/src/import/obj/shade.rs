@@ -37,9 +37,11 @@ pub(super) fn shade(file: &str, scan: Scan, findings: &mut Findings) -> Shaded {
         uvs.resize(mesh.corners.len(), NONE);
         mesh.uv_sets = vec![Channel { values: vertices.uvs, at: uvs }];
     }
-    normals.resize(mesh.corners.len(), NONE);
     let given = Given { file, faces: &faces, values: &vertices.normals };
-    given.check(&mesh, &mut normals, findings);
+    if !normals.is_empty() {
+        normals.resize(mesh.corners.len(), NONE);
+        given.check(&mesh, &mut normals, findings);
+    }
     mesh.normals = given.complete(&mesh, normals, &states);
     Shaded { mesh, faces, states, names }
 }
@@ -81,13 +83,13 @@ impl Given<'_> {
         }
     }
 
-    /// Normals for all corners; `None` where every face is flat.
+    /// Normals for all corners; `None` where every face is flat. Of `normals` there are none, or one for each corner.
     fn complete(&self, mesh: &Mesh, normals: Vec<u32>, states: &[State]) -> Option<Channel<[f32; 3]>> {
         let is_smooth = |face: &Face| states[face.state as usize].smoothing != 0;
         if normals.iter().all(|n| *n == NONE) && !self.faces.iter().any(is_smooth) {
             return None;
         }
-        if normals.iter().all(|n| *n != NONE) {
+        if !normals.is_empty() && normals.iter().all(|n| *n != NONE) {
             let value = |n: u32| self.unit(n).unwrap_or(DVec3::Z).as_vec3().to_array();
             return Some(Channel { values: (0..self.values.len() as u32).map(value).collect(), at: normals });
         }

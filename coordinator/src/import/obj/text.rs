@@ -43,9 +43,14 @@ fn line_of(bytes: &[u8], at: usize) -> u32 {
     1 + bytes[..at].iter().filter(|b| **b == b'\n').count() as u32
 }
 
-/// The statements of a text, in order. Lines end with LF, CR LF or CR.
+/// The lines of a text with their numbers, from 1. They end with LF, CR LF or CR.
+pub(super) fn lines(text: &str) -> impl Iterator<Item = (u32, &str)> {
+    Lines { rest: text, line: 0 }
+}
+
+/// The statements of a text, in order.
 pub(super) fn statements(text: &str) -> impl Iterator<Item = Statement<'_>> {
-    let mut lines = Lines { rest: text, line: 0 };
+    let mut lines = lines(text).map(|(line, text)| (line, without_comment(text).trim_end()));
     std::iter::from_fn(move || {
         loop {
             let (line, first) = lines.next()?;
@@ -71,7 +76,7 @@ pub(super) fn statements(text: &str) -> impl Iterator<Item = Statement<'_>> {
     })
 }
 
-/// Physical lines without their ends and comments.
+/// Physical lines without their ends.
 struct Lines<'a> {
     rest: &'a str,
     line: u32,
@@ -88,12 +93,12 @@ impl<'a> Iterator for Lines<'a> {
         let (line, tail) = self.rest.split_at(end);
         self.rest = tail.strip_prefix("\r\n").or_else(|| tail.get(1..)).unwrap_or("");
         self.line += 1;
-        Some((self.line, without_comment(line).trim_end()))
+        Some((self.line, line))
     }
 }
 
 /// A `#` begins a comment at the start of a word only: names like `wall#2` are common.
-fn without_comment(line: &str) -> &str {
+pub(super) fn without_comment(line: &str) -> &str {
     let mut previous = ' ';
     for (at, c) in line.char_indices() {
         if c == '#' && previous.is_whitespace() {

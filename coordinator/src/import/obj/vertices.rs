@@ -1,18 +1,19 @@
 //! The lists of an OBJ text that its faces refer to: positions with colours, texture coordinates, normals.
 //!
-//! Colours are what tools put behind the position (`v x y z r g b`): the format has none, but MeshLab, ZBrush and Blender agree. They are coded
-//! for the eye (sRGB), as these tools paint and write them; Blender turns its linear colours into sRGB to export them. Tools that count from
-//! 0 to 255 give themselves away by a number above 1.
+//! Colours are what tools put behind the position (`v x y z r g b`): the format has none, but MeshLab, ZBrush and Blender agree. They are
+//! coded for the eye (sRGB), as these tools paint and write them; Blender turns its linear colours into sRGB to export them. Tools that
+//! count from 0 to 255 give themselves away by a number above 1.
 
-use super::polypaint;
+use super::polypaint::{self, Paint};
 use crate::import::findings::{At, Findings};
 use kiln_proto::math;
 
 /// What is read into lists, in the order of the operands of a face's corner.
 pub(super) const KINDS: [&str; 3] = ["vertex", "texture coordinate", "normal"];
 
-/// Numbers of one statement that are looked at.
-const MOST: usize = 8;
+/// Numbers of a statement that are needed and that are looked at, in the order of [`KINDS`]. Behind a position stands its weight or its
+/// colour, and something more is told; behind others what has no meaning here.
+const NUMBERS: [(usize, usize); 3] = [(3, 8), (1, 2), (3, 3)];
 
 /// Steps of 32-bit numbers that an extent must have for a shape to be told.
 const STEPS: f64 = 32_768.0;
@@ -36,6 +37,17 @@ pub(super) struct Vertices {
 }
 
 impl Vertices {
+    /// Lists with room for so many of each of [`KINDS`].
+    pub(super) fn with_room(counts: [usize; 3]) -> Self {
+        let [positions, uvs, normals] = counts;
+        Self {
+            positions: Vec::with_capacity(positions),
+            uvs: Vec::with_capacity(uvs),
+            normals: Vec::with_capacity(normals),
+            ..Self::default()
+        }
+    }
+
     /// How many there are of each of [`KINDS`].
     pub(super) fn counts(&self) -> [i64; 3] {
         [self.positions.len(), self.uvs.len(), self.normals.len()].map(|n| n as i64)
@@ -45,23 +57,26 @@ impl Vertices {
     pub(super) fn statement(&mut self, word: &str, at: At<'_>, line: u32, rest: &str, findings: &mut Findings) {
         match word {
             "v" => self.position(at, line, rest, findings),
-            "vt" if has_none(rest) => {
+            "vt" if has_none(rest, 1) => {
                 findings.count(at, "texture coordinates that are no numbers (nan) were taken as 0");
                 self.uvs.push([0.0; 2]);
             }
-            "vt" => self.uvs.push(padded(&numbers(at, rest, KINDS[1], 1, findings))),
+            "vt" => self.uvs.push(padded(&numbers(at, rest, 1, findings))),
             // A normal without a length is what a face is shaded without.
-            _ if has_none(rest) => self.normals.push([0.0; 3]),
-            _ => self.normals.push(padded(&numbers(at, rest, KINDS[2], 3, findings))),
+            _ if has_none(rest, 2) => self.normals.push([0.0; 3]),
+            _ => self.normals.push(padded(&numbers(at, rest, 2, findings))),
         }
     }
 
     /// `v x y z`, `v x y z w` or `v x y z r g b`.
     fn position(&mut self, at: At<'_>, line: u32, rest: &str, findings: &mut Findings) {
-        let values = numbers(at, rest, KINDS[0], 3, findings);
+        let values = numbers(at, rest, 0, findings);
         if let [_, _, _, r, g, b, more @ ..] = values.as_slice() {
             if !more.is_empty() {
                 findings.warn_once(at, "more", "numbers behind the colour of `v` were ignored");
+            }
+            if self.colours.is_empty() {
+                self.colours.reserve_exact(self.positions.capacity());
             }
             self.colours.resize(self.positions.len(), UNCOLOURED);
             self.colours.push([*r, *g, *b]);
@@ -121,21 +136,21 @@ impl Vertices {
 
     /// Takes the colours that ZBrush writes into comments, where the vertices have none of their own.
     pub(super) fn paint(&mut self, file: &str, text: &str, findings: &mut Findings) {
-        let Some((line, colours)) = polypaint::read(file, text, findings).filter(|_| self.coloured.is_none()) else { return };
-        let (found, vertices) = (colours.len(), self.positions.len());
+        let vertices = self.positions.len();
+        let paint = polypaint::read(file, text, vertices, findings).filter(|_| self.coloured.is_none());
+        let Some(Paint { line, found, colours }) = paint else { return };
         if found > vertices {
             let message = format!("there are {found} colours of polypaint for {vertices} vertices; the last were ignored");
             findings.warn(At::line(file, line), message);
         }
         self.coloured = Some((line, found));
         self.colours = colours;
-        self.colours.truncate(vertices);
     }
 }
 
 /// Whether a number is none, in the words of C libraries: `nan`, `-nan(ind)`, `1.#QNAN`, `-1.#IND`.
-fn has_none(rest: &str) -> bool {
-    rest.split_whitespace().take(3).any(|word| {
+fn has_none(rest: &str, kind: usize) -> bool {
+    rest.split_whitespace().take(NUMBERS[kind].1).any(|word| {
         let word = word.trim_start_matches(['-', '+']);
         word.contains(".#") || word.get(..3).is_some_and(|head| head.eq_ignore_ascii_case("nan"))
     })
@@ -145,10 +160,11 @@ fn padded<const N: usize>(values: &[f32]) -> [f32; N] {
     std::array::from_fn(|i| values.get(i).copied().unwrap_or(0.0))
 }
 
-/// The operands, all of them finite numbers in 32 bits, at least `least`; none after an error.
-fn numbers(at: At<'_>, rest: &str, what: &str, least: usize, findings: &mut Findings) -> Vec<f32> {
-    let mut values = Vec::with_capacity(MOST);
-    for word in rest.split_whitespace().take(MOST) {
+/// The operands, all of them finite numbers in 32 bits, as many as are needed; none after an error.
+fn numbers(at: At<'_>, rest: &str, kind: usize, findings: &mut Findings) -> Vec<f32> {
+    let (what, (least, most)) = (KINDS[kind], NUMBERS[kind]);
+    let mut values = Vec::with_capacity(most);
+    for word in rest.split_whitespace().take(most) {
         let shown = || word.chars().take(40).collect::<String>();
         match word.parse::<f32>() {
             // Adding zero turns -0.0 into 0.0.

@@ -87,8 +87,8 @@ pub(super) fn words(text: &str, form: Form) -> impl Iterator<Item = (usize, &str
     })
 }
 
-/// Whether a word goes on behind a `#` that begins no comment: `1.#QNAN` is how the C library of Windows writes what is no number, and so do
-/// the exporters that use it.
+/// Whether a word goes on behind a `#` that begins no comment: `1.#QNAN` is how the C library of Windows writes what is no number, and so
+/// do the exporters that use it.
 pub(super) fn is_no_number(word: &str, rest: &str) -> bool {
     word.ends_with('.') && ["#QNAN", "#SNAN", "#IND", "#INF"].iter().any(|kind| rest.starts_with(kind))
 }

@@ -1,11 +1,11 @@
 //! `receiveShadows` written out: the shortcut of Kamburelis, "Shadow maps and projective texturing in X3D", as the nodes that it stands for
 //! (section 4.7).
 //!
-//! A light that an appearance receives shadows from becomes a GeneratedShadowMap behind the author's textures, in a MultiTexture with the mode
-//! MODULATE, and a ProjectedTextureCoordinate behind the author's coordinates of every geometry that the appearance is used with. Both name
-//! the light by USE, and all receivers of a light share them. The map has the parameters of the light's `defaultShadowMap`; without one it is
-//! made for every frame with the defaults. The fields of lights stay as they are. A point light looks nowhere in particular and cannot be a
-//! projector (4.5): its shortcut stays.
+//! A light that an appearance receives shadows from becomes a GeneratedShadowMap behind the author's textures, in a MultiTexture with the
+//! mode MODULATE, and a ProjectedTextureCoordinate behind the author's coordinates of every geometry that the appearance is used with. Both
+//! name the light by USE, and all receivers of a light share them. The map has the parameters of the light's `defaultShadowMap`; without
+//! one it is made for every frame with the defaults. The fields of lights stay as they are. A point light looks nowhere in particular and
+//! cannot be a projector (4.5): its shortcut stays.
 //!
 //! Nodes are changed where they stand if nobody else uses them, and copied otherwise: a geometry that is used with two appearances may need
 //! coordinates for one number of textures here and another there.
@@ -16,15 +16,12 @@ mod tests;
 
 use super::{
     document::{Document, NodeId},
+    scene::of_colour,
     value::Value,
 };
 use crate::import::findings::Findings;
 use edit::Editor;
 use std::{collections::BTreeMap, sync::Arc};
-
-/// Fields of a material in which X3D 4 has the textures that take the place of the appearance's.
-const OWN_TEXTURES: [&str; 6] =
-    ["ambientTexture", "baseTexture", "diffuseTexture", "metallicRoughnessTexture", "shininessTexture", "specularTexture"];
 
 /// What an appearance has become.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
@@ -71,8 +68,8 @@ impl Lowering<'_, '_> {
             return None;
         }
         self.edit.set(id, "receiveShadows", Value::Nodes(rest.into()));
-        let material = self.edit.node(id, "material");
-        if material.is_some_and(|m| OWN_TEXTURES.iter().any(|field| self.edit.node(m, field).is_some())) {
+        let materials = ["material", "backMaterial", "shaders"].into_iter().flat_map(|field| self.edit.nodes(id, field));
+        if materials.into_iter().any(|m| self.edit.node(m, of_colour(self.edit.kind(m))).is_some()) {
             let what = "materials with textures of their own take the place of the shadow maps behind the appearance's texture in X3D 4";
             self.findings.count(self.edit.at(id), what);
         }

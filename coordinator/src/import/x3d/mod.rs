@@ -28,7 +28,7 @@ mod value;
 mod write;
 mod xml;
 
-use super::{Bundle, BundlePath, bundle::Found, findings::Findings, images::Images, uri};
+use super::{Bundle, BundlePath, findings::Findings, images::Images};
 use kiln_proto::{options::ImportOptions, scene::Scene};
 
 pub(super) use document::{Document, Inlined, NodeId};
@@ -37,8 +37,8 @@ pub(super) use references::{Reference, references};
 pub use rewrite::{Rewritten, rewrite};
 pub use write::X3dEncoding;
 
-/// Reads an X3D or VRML97 file of a bundle with all that it refers to, at `time` (seconds since the scene was loaded; `None`: at rest, before
-/// any event). Unknown and unsupported things are warnings; `None`, with errors, where the file cannot be read.
+/// Reads an X3D or VRML97 file of a bundle with all that it refers to, at `time` (seconds since the scene was loaded; `None`: at rest,
+/// before any event). Unknown and unsupported things are warnings; `None`, with errors, where the file cannot be read.
 ///
 /// Cost: linear in the files and in what prototypes multiply; bounded by `limits`.
 pub(super) fn read(bundle: &Bundle, main: &BundlePath, bytes: &[u8], time: Option<f64>, findings: &mut Findings) -> Option<Document> {
@@ -60,12 +60,6 @@ pub(super) fn import(
 ) -> Option<Scene> {
     let document = read(bundle, main, bytes, options.time, findings)?;
     scene::build(bundle, &document, options, images, findings)
-}
-
-/// The file of the bundle that an address means as written in the file `from`: percent-encoded, as addresses are, or not, as some exporters
-/// have them.
-fn find<'b>(bundle: &'b Bundle, from: &BundlePath, address: &str) -> Option<Found<'b>> {
-    bundle.find(from, &uri::decoded(address)).or_else(|| bundle.find(from, address))
 }
 
 /// The version in a text such as `3.3`, times ten; 0 where there is none.

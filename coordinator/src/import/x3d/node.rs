@@ -59,7 +59,6 @@ impl<'a> NodeRef<'a> {
     }
 
     /// Whether the file (or an event) gives the field a value.
-    #[cfg(test)]
     pub(crate) fn is_set(self, name: &str) -> bool {
         self.set(name).is_some()
     }
@@ -176,7 +175,7 @@ impl<'a> NodeRef<'a> {
     }
 
     /// The nodes of an `MFNode` or `SFNode`, in their order.
-    pub(crate) fn children(self, name: &str) -> impl Iterator<Item = NodeRef<'a>> + use<'a> {
+    pub(crate) fn children(self, name: &str) -> impl ExactSizeIterator<Item = NodeRef<'a>> + use<'a> {
         self.value(name).map_or(&[][..], Value::nodes).iter().map(move |id| self.document.node(*id))
     }
 

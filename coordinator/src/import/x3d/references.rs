@@ -1,6 +1,6 @@
 //! The files that an X3D or VRML97 file refers to, from its syntax alone: for whoever gathers a bundle and so has none yet.
 //!
-//! The fields of `ImageTexture`, `ImageCubeMapTexture` and `Inline` are certain. What a prototype makes of the strings that it is given is known only once it is
+//! The addresses of nodes whose `url` is read are certain. What a prototype makes of the strings that it is given is known only once it is
 //! resolved, which needs the files that are being sought; so its strings are guesses: taken where there is such a file, and not missed.
 
 use super::{
@@ -118,10 +118,10 @@ impl Finder {
 }
 
 fn owner_of(name: &str) -> Owner {
-    match name {
-        "ImageTexture" | "ImageCubeMapTexture" | "Inline" => Owner::Reads,
-        _ if table::lookup(name).is_some() => Owner::Other,
-        _ => Owner::Unknown,
+    match table::lookup(name) {
+        Some(kind) if kind.reads_url() => Owner::Reads,
+        Some(_) => Owner::Other,
+        None => Owner::Unknown,
     }
 }
 
@@ -142,7 +142,8 @@ Group { children [ Inline { url [ \"http://example.com/a%20b.wrl\" \"a.wrl\" ] }
 Shape { appearance Appearance { texture MultiTexture { texture [ ImageTexture { url \"wall.png\" } MovieTexture { url \"film.mpg\" } ] } } } ] }
 Sign { face \"mine.png\" }
 EnvironmentLight { specularTexture ImageCubeMapTexture { url \"sky.hdr\" } }
-ImageTexture { url \"data:image/png;base64,AAAA\" } Anchor { url \"next.wrl\" }";
+ImageTexture { url \"data:image/png;base64,AAAA\" } Anchor { url \"next.wrl\" }
+KambiInline { url \"castle.x3d\" }";
         let expected = [
             (2, "lib/lamps.x3dv", true),
             (3, "default.png", false),
@@ -150,6 +151,7 @@ ImageTexture { url \"data:image/png;base64,AAAA\" } Anchor { url \"next.wrl\" }"
             (5, "wall.png", true),
             (6, "mine.png", false),
             (7, "sky.hdr", true),
+            (9, "castle.x3d", true),
         ];
         assert_eq!(found(classic), expected.map(|(line, names, certain)| (line, names.to_owned(), certain)));
         let xml = "<X3D><Scene>\n<Inline url='\"a.x3d\"'/>\n<Shape><Appearance><ImageTexture url='\"t.png\"'/></Appearance></Shape></Scene></X3D>";

@@ -17,7 +17,10 @@ use crate::{
     records::Problem,
 };
 use kiln_proto::limits;
-use std::{collections::BTreeMap, sync::Arc};
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    sync::Arc,
+};
 
 /// An X3D file that was written anew.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -33,8 +36,8 @@ pub struct Rewritten {
 }
 
 /// Reads the main file of a bundle, X3D or VRML97, at `time` (see [`ImportOptions`](kiln_proto::options::ImportOptions)), and writes it in
-/// another encoding, with its prototypes expanded and its X3D files inlined; with `lower_shadows`, `receiveShadows` is written out as shadow
-/// maps and projected coordinates (Kamburelis 4.7).
+/// another encoding, with its prototypes expanded and its X3D files inlined; with `lower_shadows`, `receiveShadows` is written out as
+/// shadow maps and projected coordinates (Kamburelis 4.7).
 ///
 /// # Errors
 /// Every fault found in the file, located, as for an import.
@@ -78,8 +81,8 @@ fn depth(document: &Document) -> u16 {
     document.roots.iter().map(|root| of(document, *root, &mut known)).max().unwrap_or_default()
 }
 
-/// Makes one file of a document: what Inline nodes brought in becomes a Group in their place, addresses count from the main file. Returns the
-/// files that are still referred to.
+/// Makes one file of a document: what Inline nodes brought in becomes a Group in their place, addresses count from the main file. Returns
+/// the files that are still referred to.
 pub(super) fn flatten(bundle: &Bundle, document: &mut Document, findings: &mut Findings) -> Vec<String> {
     let main = document.files.first().cloned();
     let mut files = vec![];
@@ -134,7 +137,7 @@ fn addresses(bundle: &Bundle, document: &mut Document, index: usize, main: &Bund
             continue;
         }
         let from = document.files.get(set.place.file as usize).unwrap_or(main);
-        let mut anew: Vec<Arc<str>> = vec![];
+        let (mut anew, mut written): (Vec<Arc<str>>, BTreeSet<Arc<str>>) = (vec![], BTreeSet::new());
         for url in list.iter() {
             let address = match meant(bundle, from, url.trim()) {
                 None => Arc::clone(url),
@@ -146,7 +149,7 @@ fn addresses(bundle: &Bundle, document: &mut Document, index: usize, main: &Bund
                 }
             };
             // Archives list a file beside its copies on the web, which are the same here.
-            if !anew.contains(&address) {
+            if written.insert(Arc::clone(&address)) {
                 anew.push(address);
             }
         }
@@ -160,7 +163,7 @@ fn meant<'b, 'u>(bundle: &'b Bundle, from: &BundlePath, url: &'u str) -> Option<
     if uri::is_data(url) {
         return None;
     }
-    let path = |address| super::find(bundle, from, address).map(|(Found::Exact(path) | Found::Near(path))| path);
+    let path = |address| bundle.find_address(from, address).map(Found::path);
     let whole = path(url).map(|path| (path, ""));
     whole.or_else(|| {
         let at = url.find('#').filter(|at| *at > 0)?;

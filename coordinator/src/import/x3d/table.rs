@@ -9,9 +9,9 @@
 //! ```
 //! A line at the margin is a node: its name, the field it goes to by default (its `containerField`), whether the importer skips it, and
 //! what it inherits. An indented line is a field: type, `angle` where the file's unit of angles applies, access, name with other names
-//! behind `|`, default (`since 3.3` another one); in a list whose places mean something, behind `else`, the node that stands in for one that
-//! is skipped. Kept as text so that it can be laid beside the standard line by line; the alternative, constructors in code, is
-//! checked by the compiler and not readable by anyone. A test checks the text instead.
+//! behind `|`, default (`since 3.3` another one); in a list whose places mean something, behind `else`, the node that stands in for one
+//! that is skipped. Kept as text so that it can be laid beside the standard line by line; the alternative, constructors in code, is checked
+//! by the compiler and not readable by anyone. A test checks the text instead.
 
 mod appearance;
 mod core;
@@ -121,6 +121,16 @@ pub(super) struct NodeType {
 }
 
 impl NodeType {
+    /// Whether nodes of this type bring in another file.
+    pub(super) fn is_inline(&self) -> bool {
+        matches!(self.name, "Inline" | "KambiInline")
+    }
+
+    /// Whether the file at the `url` of nodes of this type is read.
+    pub(super) fn reads_url(&self) -> bool {
+        self.is_inline() || matches!(self.name, "ImageTexture" | "ImageCubeMapTexture")
+    }
+
     /// A field by its name, as files write it, and its index.
     pub(super) fn field(&self, name: &str) -> Option<(u16, &Field)> {
         let found = self.fields.iter().position(|f| f.name == name || f.aliases.contains(&name))?;

@@ -62,13 +62,14 @@ fn cubic_splines_follow_their_tangents() {
 #[test]
 fn faulty_animations_are_located() {
     for (path, kind, values, wanted) in [
-        ("translation", "VEC4", vec![0.0; 8], "2 values of type VEC3 are expected for `translation`; there are 2 of type VEC4"),
         ("translation", "VEC3", vec![0.0; 9], "2 values of type VEC3 are expected for `translation`; there are 3"),
         ("colour", "VEC3", vec![0.0; 6], "`colour` cannot be animated"),
     ] {
         let error = animated(path, "LINEAR", kind, &values).error();
         assert!(error.contains("/animations/0/channels/0/target: ") && error.contains(wanted), "{error}");
     }
+    let error = animated("translation", "LINEAR", "VEC4", &[0.0; 8]).error();
+    assert!(error.contains("/animations/0/samplers/0/output: an accessor of type VEC3 is expected here, not VEC4"), "{error}");
     let with = |change: fn(&mut Sample)| {
         let mut sample = animated("translation", "LINEAR", "VEC3", &[0.0; 6]);
         change(&mut sample);
@@ -76,7 +77,10 @@ fn faulty_animations_are_located() {
     };
     assert!(with(|s| s.json["animations"][0]["channels"][0]["sampler"] = json!(1)).contains("there is no sampler 1"));
     assert!(with(|s| s.json["animations"][0]["samplers"][0]["interpolation"] = json!("CUBIC")).contains("`CUBIC` is no interpolation"));
-    assert!(with(|s| s.json["animations"][0]["samplers"][0]["input"] = json!(0)).contains("floats of type SCALAR"));
+    assert!(
+        with(|s| s.json["animations"][0]["samplers"][0]["input"] = json!(0))
+            .contains("/input: an accessor of type SCALAR is expected here")
+    );
     assert!(with(|s| s.bytes[36..40].copy_from_slice(&5.0f32.to_le_bytes())).contains("time 1 is 3; times must be 0 or more and rise"));
     let identity = json!([1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]);
     let mut sample = animated("translation", "LINEAR", "VEC3", &[0.0; 6]);
@@ -86,6 +90,30 @@ fn faulty_animations_are_located() {
     sample.json["animations"][0]["channels"][0]["target"] =
         json!({ "path": "pointer", "extensions": { "KHR_animation_pointer": { "pointer": "/materials/0" } } });
     assert!(sample.import().warns("(KHR_animation_pointer) were skipped: 1"));
+}
+
+/// Integers stand for numbers in [-1, 1] only where they say so.
+#[test]
+fn key_frames_are_of_the_types_that_their_property_allows() {
+    let turned = |path: &str, kind: &str, normalized: bool| {
+        let mut sample = animated(path, "STEP", "VEC4", &[0.0; 8]);
+        let output = sample.accessor(5123, kind, &[0, 0, 0, 0, 0xff, 0xff, 0, 0].repeat(2), 2);
+        if kind == "VEC3" {
+            let view = sample.json["accessors"][output]["bufferView"].as_u64().unwrap() as usize;
+            sample.json["bufferViews"][view]["byteStride"] = json!(8);
+        }
+        sample.json["accessors"][output]["normalized"] = json!(normalized);
+        sample.json["animations"][0]["samplers"][0]["output"] = json!(output);
+        sample
+    };
+    let at = "/animations/0/samplers/0/output: ";
+    let error = turned("rotation", "VEC4", false).error();
+    assert!(error.contains(at) && error.contains("integers must be `normalized` here"), "{error}");
+    near(second(&turned("rotation", "VEC4", true), Some(0.0)), [-1.0, 0.0, 0.0]);
+    for path in ["translation", "scale"] {
+        let error = turned(path, "VEC3", true).error();
+        assert!(error.contains(at) && error.contains("the component type 5123 is not allowed here; it must be 5126"), "{error}");
+    }
 }
 
 #[test]
@@ -170,6 +198,9 @@ fn faulty_skins_are_located() {
     assert!(sample.error().contains("/skins/0/inverseBindMatrices: 3 matrices of type MAT4 are expected"));
     sample.json["skins"][0]["joints"] = json!([1, 9]);
     assert!(sample.error().contains("/skins/0/joints/1: there is no node 9"));
+    let mut sample = skinned();
+    sample.json["skins"][0]["inverseBindMatrices"] = json!(sample.accessor(5121, "MAT4", &[1; 32], 2));
+    assert!(sample.error().contains("/skins/0/inverseBindMatrices: the component type 5121 is not allowed here; it must be 5126"));
     let mut sample = skinned();
     let attributes = &mut sample.json["meshes"][0]["primitives"][0]["attributes"];
     attributes["WEIGHTS_0"] = json!(1);

@@ -80,6 +80,19 @@ fn surfaces_of_several_primitives_are_named_by_material() {
     assert!(scene.surfaces[0].normals.is_empty(), "no normals: flat");
 }
 
+/// The material is what tells surfaces of one node apart; of a long name only a part is kept.
+#[test]
+fn a_long_name_of_a_node_leaves_room_for_the_material() {
+    let mut sample = Sample::triangle();
+    let other = sample.floats("VEC3", &[0.0, 0.0, 1.0, 1.0, 0.0, 1.0, 0.0, 1.0, 1.0]);
+    sample.push("materials", json!({ "name": "red" }));
+    let primitive = json!({ "attributes": { "POSITION": other }, "material": 0 });
+    sample.json["meshes"][0]["primitives"].as_array_mut().unwrap().push(primitive);
+    sample.json["nodes"][0]["name"] = json!("n".repeat(130));
+    let names: Vec<String> = sample.scene().surfaces.iter().map(|s| s.name.clone()).collect();
+    assert!(names[0].ends_with("n.default") && names[1].ends_with("n.red") && names.iter().all(|n| n.len() == 128), "{names:?}");
+}
+
 #[test]
 fn normals_are_carried_by_the_inverse_transposed_and_repaired() {
     let mut sample = Sample::triangle();
@@ -145,6 +158,20 @@ fn sparse_accessors_replace_elements_of_bytes_or_of_zeros() {
     assert_eq!(corners(&sample.scene(), 0, 0), [[1.0, 1.0, 1.0], [1.0, 0.0, 0.0], [0.0, 3.0, 0.0]]);
     sample.json["accessors"][0].as_object_mut().unwrap().remove("bufferView");
     assert_eq!(corners(&sample.scene(), 0, 0), [[1.0, 1.0, 1.0], [0.0, 0.0, 0.0], [0.0, 3.0, 0.0]]);
+}
+
+/// Each matrix of bytes takes twelve, columns from four to four; the stride of the view is not that of replacements.
+#[test]
+fn sparse_matrices_lie_side_by_side() {
+    let mut sample = Sample::triangle();
+    let column = |v: u8| [v, v, v, 9];
+    let (indices, values) = (sample.view(&[0, 1]), sample.view(&[[column(1); 3], [column(2); 3]].as_flattened().concat()));
+    sample.json["bufferViews"][values]["byteStride"] = json!(16);
+    let sparse = json!({ "count": 2, "indices": { "bufferView": indices, "componentType": 5121 }, "values": { "bufferView": values } });
+    let (min, max) = (json!(vec![0; 9]), json!(vec![2; 9]));
+    sample.push("accessors", json!({ "componentType": 5121, "type": "MAT3", "count": 3, "sparse": sparse, "min": min, "max": max }));
+    let found = sample.import();
+    assert!(found.errors.is_empty() && found.warnings.is_empty(), "{:?} {:?}", found.errors, found.warnings);
 }
 
 #[test]

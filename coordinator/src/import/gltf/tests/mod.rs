@@ -8,6 +8,8 @@ mod geometry;
 mod hostile;
 mod lights;
 mod materials;
+mod pictures;
+mod references;
 mod tangents;
 
 use super::import;

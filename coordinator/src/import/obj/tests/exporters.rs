@@ -27,6 +27,9 @@ fn normals_and_coordinates_that_are_no_numbers_are_left_out() {
     assert_eq!((scene.surfaces[0].normals.len(), scene.surfaces[0].uv(0, 0).unwrap()[0]), (0, [0.0; 2]));
     assert!(said.iter().any(|w| w.starts_with("a.obj:11: texture coordinates that are no numbers (nan) were taken as 0: 1")), "{said:?}");
     assert!(said.iter().any(|w| w.contains("normals without a length")), "{said:?}");
+    // The third number, a depth, is not looked at.
+    let (scene, said) = geometry(&format!("{SQUARE}vt 0.25 0.75 nan\nf 1/5 2/2 3/3\n"));
+    assert_eq!((scene.surfaces[0].uv(0, 0).unwrap()[0], said), ([0.25, 0.75], vec![]));
     let errors = import_parts(vec![file("a.obj", "v nan 0 0\nv 1 0 0\nv 0 1,5 0\nf 1 2 3\n")]).unwrap_err();
     assert!(errors[0].starts_with("a.obj:1: the vertex has the value `nan`"), "{errors:?}");
     assert!(errors[1].contains("`1,5` where a number should be; decimals have a point, not a comma"), "{errors:?}");
@@ -66,16 +69,19 @@ fn the_colour_s_picture_is_no_opacity_by_its_brightness() {
     assert_eq!(look(255, "-imfchan r x.png").0.mode, AlphaMode::Blend, "a channel that is asked for counts");
 }
 
-/// tinyobjloader's option: what it says of numbers is so anyway, and colours are sRGB.
+/// tinyobjloader's option: colours are sRGB and numbers are not, whatever it says.
 #[test]
 fn the_space_of_colours_is_no_part_of_a_name() {
     let mut out = Cursor::new(vec![]);
     DynamicImage::from(RgbaImage::from_pixel(1, 1, Rgba([99; 4]))).write_to(&mut out, ImageFormat::Png).unwrap();
-    let mtl = "newmtl m\nKe 1\nmap_Kd -colorspace sRGB x.png\nmap_Pr -colorspace linear x.png\nmap_Ke -colorspace linear x.png\n";
+    let mtl = "newmtl m\nKe 1\nmap_Kd -colorspace sRGB x.png\nmap_Pr -colorspace linear x.png\nmap_Ke -colorspace linear x.png\n\
+        map_Pm -colorspace sRGB x.png\n";
     let obj = format!("mtllib m.mtl\n{SQUARE}usemtl m\nf 1/1 2/2 3/3\n");
     let (_, said) = said(vec![file("a.obj", obj), file("m.mtl", mtl), file("x.png", out.into_inner())]);
     let odd: Vec<&String> = said.iter().filter(|w| w.contains("option")).collect();
-    assert!(odd.len() == 1 && odd[0].starts_with("m.mtl:5: the option `-colorspace linear` of map_Ke"), "{said:?}");
+    assert_eq!(odd.len(), 2, "{said:?}");
+    assert!(odd[0].starts_with("m.mtl:5: the option `-colorspace linear` of map_Ke"), "{said:?}");
+    assert!(odd[1].starts_with("m.mtl:6: the option `-colorspace sRGB` of map_Pm"), "{said:?}");
 }
 
 /// CAD programs write the whole tree of assemblies behind `g`.
@@ -96,16 +102,21 @@ fn groups_have_names_of_any_length() {
 #[test]
 fn zbrush_paints_in_comments() {
     let text = |paint: &str| format!("v 0 0 0\nv 1 0 0\nv 0 1 0\n#MRGB {paint}\n# End of MRGB block\nf 1 2 3\n");
-    let (scene, said) = geometry(&text("ffff0000ff008000 ff0000ff"));
-    let colors = scene.surfaces[0].colors[0].map(|i| scene.colors[i as usize]);
-    assert_eq!(colors, [[1.0, 0.0, 0.0, 1.0], [0.0, math::srgb_eotf(128.0 / 255.0), 0.0, 1.0], [0.0, 0.0, 1.0, 1.0]]);
-    assert_eq!(said, [""; 0]);
+    let whole = text("ffff0000ff008000 ff0000ff");
+    for whole in [whole.replace('\n', "\r"), whole.replace('\n', "\r\n"), whole] {
+        let (scene, said) = geometry(&whole);
+        let colors = scene.surfaces[0].colors[0].map(|i| scene.colors[i as usize]);
+        assert_eq!(colors, [[1.0, 0.0, 0.0, 1.0], [0.0, math::srgb_eotf(128.0 / 255.0), 0.0, 1.0], [0.0, 0.0, 1.0, 1.0]]);
+        assert_eq!(said, [""; 0]);
+    }
     let (scene, said) = geometry(&text("ffff0000"));
     assert!(scene.surfaces[0].colors.len() == 1 && said[0].starts_with("a.obj:4: 2 of 3 vertices have no colour"), "{said:?}");
     let (scene, said) = geometry(&text("ffff000"));
     assert!(scene.surfaces[0].colors.is_empty() && said[0].starts_with("a.obj:4: polypaint (#MRGB) is not written in"), "{said:?}");
     let (_, said) = geometry(&text(&"ff00ff00".repeat(4)));
     assert!(said[0].starts_with("a.obj:4: there are 4 colours of polypaint for 3 vertices"), "{said:?}");
+    let (_, said) = geometry(&text(&format!("{}zz", "ff00ff00".repeat(4))));
+    assert!(said[0].starts_with("a.obj:4: polypaint (#MRGB) is not written in"), "{said:?}");
 }
 
 /// An outline from a drawing program: concave, and of more corners than any modelling program makes.

@@ -96,6 +96,10 @@ fn the_pbr_extension_makes_metallic_roughness() {
     let (coated, said) = material("Kd 0.5\nPr 0.8\nPc 1\nPcr 0.1");
     assert!(physical(&coated).roughness < 0.8 && said[0].starts_with("m.mtl:5: clear coats (Pc)"), "{said:?}");
     assert_eq!(physical(&material("Pm 0.5\nNs 30").0).roughness, 0.5, "as wide as the highlight");
+    let glass = |more: &str| physical(&material(&format!("d 0.5\nillum 4\n{more}")).0).clone();
+    let (bare, coated) = (glass(""), glass("Pc 1\nPcr 0.5"));
+    assert_eq!((bare.ior, bare.roughness, coated.transmission), (1.5, 0.0, 0.5));
+    assert!(coated.ior > 1.5 && coated.roughness > 0.0, "the coat lies on the glass: {coated:?}");
 }
 
 #[test]

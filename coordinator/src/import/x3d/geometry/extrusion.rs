@@ -58,7 +58,8 @@ impl Extrusion {
     /// and a polygon for each cap. Cost: n log n in the quads.
     ///
     /// # Errors
-    /// Fewer than two points of spine or cross-section (nothing to see), coordinates that are not numbers, more quads than [`limits::SWEPT_QUADS`].
+    /// Fewer than two points of spine or cross-section (nothing to see), coordinates that are not numbers, more quads than
+    /// [`limits::SWEPT_QUADS`].
     pub(crate) fn build(&self) -> Result<Geometry, GeometryError> {
         let (rows, columns) = (self.spine.len(), self.cross_section.len());
         if rows < 2 || columns < 2 {

@@ -155,3 +155,23 @@ fn what_would_be_too_deep_to_read_again_is_refused() {
     assert!(outcome(150).is_ok_and(|out| rewrite(&bundle(&out.text), None, false, X3dEncoding::Xml).is_ok()));
     assert!(outcome(197).unwrap_err()[0].message.contains("more than 200 nodes inside one another"));
 }
+
+/// The field that the colour comes from counts, of whatever describes the material.
+#[test]
+fn textures_of_their_own_are_said_of_every_kind_of_material() {
+    let said = |appearance: &str| {
+        let text = format!(
+            "DEF L SpotLight {{ location 0 3 0 }} Shape {{ appearance Appearance {{ receiveShadows USE L {appearance} }} geometry Box {{ }} }}"
+        );
+        lowered(&text).1.iter().any(|w| w.contains("textures of their own"))
+    };
+    let pixel = "PixelTexture { image 1 1 1 9 }";
+    for own in [
+        "material UnlitMaterial { emissiveTexture",
+        "shaders CommonSurfaceShader { diffuseTexture",
+        "backMaterial Material { diffuseTexture",
+    ] {
+        assert!(said(&format!("{own} {pixel} }}")), "{own}");
+    }
+    assert!(!said(&format!("material Material {{ normalTexture {pixel} }}")), "the appearance's texture is still the colour");
+}

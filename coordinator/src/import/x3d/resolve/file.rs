@@ -3,10 +3,9 @@
 use super::{Resolver, frame::Frame};
 use crate::import::{
     BundlePath,
-    bundle::Found,
     findings::At,
     x3d::{
-        self, classic,
+        classic,
         document::{Inlined, Node, NodeId, Place, Set},
         encoding::{self, Encoding},
         json,
@@ -235,14 +234,8 @@ impl Resolver<'_> {
         if address.is_empty() || address.starts_with("urn:") {
             return None;
         }
-        match x3d::find(self.bundle, &from, address)? {
-            Found::Exact(path) => Some(path.clone()),
-            Found::Near(path) => {
-                let path = path.clone();
-                self.warn(place, format!("{what}, `{}`, is not in the bundle; `{path}` is used instead", shown(address)));
-                Some(path)
-            }
-        }
+        let found = self.bundle.find_address(&from, address)?;
+        Some(found.told(what, &shown(address), |message| self.warn(place, message)).clone())
     }
 
     /// The addresses of an external prototype.

@@ -18,8 +18,8 @@ use std::sync::Arc;
 type Children = Vec<(u16, Place, Vec<NodeId>)>;
 
 impl Resolver<'_> {
-    /// Walks items that stand for nodes, below `above` other nodes; returns the nodes, with an empty one of the type `stand_in`, if there is
-    /// such a type, in the place of each that was skipped.
+    /// Walks items that stand for nodes, below `above` other nodes; returns the nodes, with an empty one of the type `stand_in`, if there
+    /// is such a type, in the place of each that was skipped.
     pub(super) fn items(&mut self, frame: &mut Frame, items: &[Item], stand_in: Option<&str>, above: u16) -> Vec<NodeId> {
         let mut ids = vec![];
         for item in items {
@@ -31,8 +31,8 @@ impl Resolver<'_> {
         ids
     }
 
-    /// An empty node in the place of one that was skipped: a Switch that chooses its second child means that child also where the first is of
-    /// a type that nobody knows.
+    /// An empty node in the place of one that was skipped: a Switch that chooses its second child means that child also where the first is
+    /// of a type that nobody knows.
     fn stand_in(&mut self, place: Place, name: &str) -> Option<NodeId> {
         self.push(Node { kind: table::lookup(name)?, place, def: None, fields: vec![], height: 1 })
     }
@@ -149,7 +149,7 @@ impl Resolver<'_> {
             self.set_nodes(id, field, place, ids, above);
         }
         self.later_defaults(frame, id);
-        if matches!(kind.name, "Inline" | "KambiInline") {
+        if kind.is_inline() {
             self.inline(frame, id, item.def.is_some(), above);
         }
         self.open.pop();

@@ -19,11 +19,10 @@ use crate::import::{
     Bundle, NO_LIGHT,
     findings::{At, Findings},
     images::Images,
-    surfaces::{Look, Surfaces},
+    surfaces::{Look, NAME_CHARS, Surfaces},
     x3d::{Document, NodeId},
 };
 use kiln_proto::{
-    limits,
     options::{ImportOptions, OutsideMap, ProjectorMode, ShadowMode},
     scene::{Camera, Mapping, Material, Reflection, Scene, ShadowMap, ShadowRules, TextureRef},
 };
@@ -78,6 +77,9 @@ pub(in crate::import::x3d) fn build(
     };
     colour_lights(&mut scene, &shapes, &projectors, findings);
     files.absorb(&mut surfaces, &mut scene, &mut reach, findings);
+    if findings.has_errors() {
+        return None;
+    }
     surfaces.finish(&mut scene);
     if scene.surfaces.is_empty() {
         findings.promote();
@@ -142,10 +144,10 @@ fn cameras(world: &World<'_>, findings: &mut Findings) -> Vec<(NodeId, Camera)> 
     let camera = |placed: &Placed<'_>| {
         let node = placed.node;
         let name = if node.string("description").is_empty() { node.def().unwrap_or(node.kind()) } else { node.string("description") };
-        let name = name.chars().take(limits::NAME_BYTES / 8).collect();
+        let name = name.chars().take(NAME_CHARS).collect();
         Some((node.id(), view::camera(placed, name, findings)?))
     };
-    world.viewpoints.iter().take(limits::LIGHTS).filter_map(camera).collect()
+    world.viewpoints.iter().filter_map(camera).collect()
 }
 
 /// Materials by what they depend on.

@@ -22,36 +22,46 @@ use crate::import::{
     Bundle,
     environment::clamp,
     findings::{At, Findings},
+    surfaces::NAME_CHARS,
     up,
-    x3d::NodeRef,
+    x3d::{NodeId, NodeRef},
 };
 use glam::{DMat3, DVec3};
 use harmonics::Harmonics;
 use kiln_proto::{
-    limits, math,
+    math,
     options::{ImportOptions, ShadowMode, UpAxis},
     scene::Environment,
     units::Rgb,
 };
 use map::Source;
 use picture::Reader;
+use std::rc::Rc;
 
 /// EnvironmentLight nodes of one scene that are on: each costs a map of its own.
-const MOST: usize = 16;
+pub(super) const MOST: usize = 16;
 
-/// What the EnvironmentLight nodes of a scene come to; `None` where none is on, or one makes no light, which is then said.
+/// What the EnvironmentLight nodes of a scene come to; `None` where none is on, or one makes no light, which is then said, and where the
+/// options name another environment: then nothing is read of what is not used.
 ///
 /// Cost: linear in the texels of their textures, or of the map where that has more.
 pub(super) fn environment(bundle: &Bundle, world: &World<'_>, options: &ImportOptions, findings: &mut Findings) -> Option<Environment> {
-    let shining = || world.environments.iter().filter(|placed| placed.node.bool("on"));
-    if let Some(placed) = shining().nth(MOST) {
+    let shining = &world.environments;
+    if let (Some(first), Some(_)) = (shining.first(), &options.environment) {
+        let message = format!("the scene's own environment `{}` gives way to the one that the options name", name(first.node));
+        findings.warn(first.node.at(), message);
+        return None;
+    }
+    if let Some(placed) = shining.get(MOST) {
         findings.error(placed.node.at(), format!("the scene has more than {MOST} EnvironmentLight nodes that are on; make one of them"));
         return None;
     }
+    let mut reader = Reader::new(bundle);
     let mut sum: Option<Environment> = None;
-    for placed in shining() {
+    for (at, placed) in shining.iter().enumerate() {
         say_what_is_not_used(placed, world, options, findings);
-        let Some(own) = convert(bundle, placed, options.up, findings) else { continue };
+        let later = |texture: NodeId| shining[at + 1..].iter().any(|light| shown(light.node).is_some_and(|t| t.id() == texture));
+        let Some(own) = convert(&mut reader, placed, &later, options.up, findings) else { continue };
         sum = Some(match sum {
             None => own,
             Some(sum) => add(sum, own, placed.node.at(), findings),
@@ -60,16 +70,36 @@ pub(super) fn environment(bundle: &Bundle, world: &World<'_>, options: &ImportOp
     sum
 }
 
-/// The map of one light, in the world as it is once that axis points up.
-fn convert(bundle: &Bundle, placed: &Placed<'_>, axis: UpAxis, findings: &mut Findings) -> Option<Environment> {
+fn name(light: NodeRef<'_>) -> String {
+    light.def().unwrap_or(light.kind()).chars().take(NAME_CHARS).collect()
+}
+
+/// The texture whose light it is.
+fn shown(light: NodeRef<'_>) -> Option<NodeRef<'_>> {
+    light.node("specularTexture").or_else(|| light.node("diffuseTexture"))
+}
+
+/// The map of one light, in the world as it is once that axis points up. `later` tells of a texture whether another light needs it.
+fn convert(
+    reader: &mut Reader<'_>,
+    placed: &Placed<'_>,
+    later: &dyn Fn(NodeId) -> bool,
+    axis: UpAxis,
+    findings: &mut Findings,
+) -> Option<Environment> {
     let node = placed.node;
     let Emission { colour, intensity, ambient } = emission(node, findings)?;
     let turn = up::matrix(axis) * turn(placed, findings)?;
-    let source = source(bundle, node, findings)?;
-    let name = node.def().unwrap_or(node.kind()).chars().take(limits::NAME_BYTES / 8).collect();
-    let mut map = match (source, about_up(turn)) {
-        (Source::Map(map), Some(radians)) => Environment { name, rotation: map.rotation + radians as f32, ..map },
-        (source, _) => {
+    let source = source(reader, node, later, findings)?;
+    let name = name(node);
+    // A panorama that is turned about +Y keeps its texels.
+    let kept = match about_up(turn) {
+        Some(radians) => map::kept(source).map(|map| (map, radians)),
+        None => Err(source),
+    };
+    let mut map = match kept {
+        Ok((map, radians)) => Environment { name, rotation: map.rotation + radians as f32, ..map },
+        Err(source) => {
             let (size, wanted) = (source.size(), source.wanted());
             if size != wanted {
                 let [[width, height], [much_width, much_height]] = [size, wanted];
@@ -95,7 +125,7 @@ fn convert(bundle: &Bundle, placed: &Placed<'_>, axis: UpAxis, findings: &mut Fi
 }
 
 /// Where the radiance of a light comes from, in the light's space; `None` where that cannot be had, which is said.
-fn source(bundle: &Bundle, node: NodeRef<'_>, findings: &mut Findings) -> Option<Source> {
+fn source(reader: &mut Reader<'_>, node: NodeRef<'_>, later: &dyn Fn(NodeId) -> bool, findings: &mut Findings) -> Option<Rc<Source>> {
     let coefficients = node.mf_float("diffuseCoefficients");
     let (specular, diffuse) = (node.node("specularTexture"), node.node("diffuseTexture"));
     if specular.is_some() && (diffuse.is_some() || !coefficients.is_empty()) {
@@ -107,14 +137,14 @@ fn source(bundle: &Bundle, node: NodeRef<'_>, findings: &mut Findings) -> Option
             "EnvironmentLight nodes have a diffuseTexture, whose diffuseCoefficients were ignored",
         );
     }
-    let mut reader = Reader::new(bundle);
     if let Some(texture) = specular {
-        return reader.source(texture, findings);
+        return reader.source(texture, later(texture.id()), findings);
     }
     let harmonics = if let Some(texture) = diffuse {
-        Harmonics::undone(&Harmonics::of(&reader.source(texture, findings)?).times(std::f32::consts::PI))
+        let source = reader.source(texture, later(texture.id()), findings)?;
+        Harmonics::undone(&Harmonics::of(&source).times(std::f32::consts::PI))
     } else if coefficients.is_empty() {
-        return Some(Source::even());
+        return Some(Rc::new(Source::even()));
     } else {
         let Some(irradiance) = Harmonics::read(&coefficients) else {
             let message = format!("diffuseCoefficients has {} numbers; it has 27 finite ones, nine colours", coefficients.len());
@@ -124,7 +154,7 @@ fn source(bundle: &Bundle, node: NodeRef<'_>, findings: &mut Findings) -> Option
         Harmonics::undone(&irradiance)
     };
     findings.count(node.at(), "EnvironmentLight nodes have no specularTexture: the nine harmonics of their irradiance light the scene");
-    Some(Source::Harmonics(harmonics))
+    Some(Rc::new(Source::Harmonics(harmonics)))
 }
 
 /// From the light's space to the world: `rotation` and that of the groups around it, without their scale; mirrors mirror.

@@ -1,7 +1,7 @@
 //! Shapes with their meshes in the world, before they have materials.
 //!
-//! The mesh of a geometry node is made once however often the node is used, and all triangles are counted before the first copy is made: a file
-//! of a few kilobytes whose groups use each other stands for millions of them, and must be refused in a moment.
+//! The mesh of a geometry node is made once however often the node is used, and all triangles are counted before the first copy is made: a
+//! file of a few kilobytes whose groups use each other stands for millions of them, and must be refused in a moment.
 
 use super::{
     colours::Colours,

@@ -1,4 +1,5 @@
-//! Files of other formats that an X3D scene inlines: each is imported once, as if it stood alone, then put in its places among the surfaces.
+//! Files of other formats that an X3D scene inlines: each is imported once, as if it stood alone, then put in its places among the
+//! surfaces.
 //!
 //! What all places together come to is counted before the first copy: a few nodes that use each other may inline a file a million times.
 
@@ -36,10 +37,12 @@ pub(super) fn read<'w, 'd>(
 ) -> Files<'w, 'd> {
     let mut files = Files { scenes: vec![], places: vec![] };
     let mut known: BTreeMap<&BundlePath, Option<usize>> = BTreeMap::new();
-    let mut sums = [0usize; 3];
+    let (mut sums, mut boxes) = ([0usize; 3], vec![]);
     for (placed, path) in &world.files {
         let index = *known.entry(path).or_insert_with(|| {
-            files.scenes.push(import_file(bundle, path, options, images, findings)?);
+            let scene = import_file(bundle, path, options, images, findings)?;
+            boxes.push(scene.bounds());
+            files.scenes.push(scene);
             Some(files.scenes.len() - 1)
         });
         let Some(index) = index else { continue };
@@ -54,9 +57,28 @@ pub(super) fn read<'w, 'd>(
                 return Files { scenes: vec![], places: vec![] };
             }
         }
-        files.places.push((placed, index));
+        if stays_finite(boxes[index], &scene.lights, &placed.matrix) {
+            files.places.push((placed, index));
+        } else {
+            findings.error(placed.node.at(), format!("`{path}` becomes infinitely large or far where this Inline places it"));
+        }
     }
     files
+}
+
+/// Whether what a box is around, and lights, are within the range of f32 where a matrix moves them.
+fn stays_finite((low, high): ([f32; 3], [f32; 3]), lights: &[Light], matrix: &DMat4) -> bool {
+    let moved = |p: [f32; 3]| space::narrow(space::point(matrix, p)).into_iter().all(f32::is_finite);
+    let corner = |k: usize| std::array::from_fn(|axis| if k >> axis & 1 == 0 { low[axis] } else { high[axis] });
+    let is_empty = low[0] > high[0];
+    let lit = |light: &Light| {
+        let mut light = light.clone();
+        place_light(&mut light, matrix);
+        let is_in_range = !matches!(light.falloff, Falloff::InverseSquare { range: Some(range) } if !range.is_finite());
+        let (LightShape::Point { position } | LightShape::Spot { position, .. }) = light.shape else { return is_in_range };
+        is_in_range && position.into_iter().all(f32::is_finite)
+    };
+    (is_empty || (0..8).all(|k| moved(corner(k)))) && lights.iter().all(lit)
 }
 
 impl<'w, 'd> Files<'w, 'd> {

@@ -4,6 +4,7 @@
 //! irradiance pi. `--light-units physical` takes the numbers as W/sr (W/m² for directional lights) with the inverse square instead.
 
 use super::{
+    projection,
     space::{self, direction, point, upright, wide},
     walk::Placed,
 };
@@ -142,23 +143,9 @@ fn falloff(placed: &Placed<'_>, units: LightUnits, findings: &mut Findings) -> O
 fn projection(placed: &Placed<'_>, findings: &mut Findings) -> Option<Projection> {
     let (node, matrix) = (placed.node, &placed.matrix);
     let scale = stretch(matrix) as f32;
-    let (near, far) = (node.float("projectionNear"), node.float("projectionFar"));
-    let mut automatic = 0;
-    for (field, value, bit) in [("projectionNear", near, NEAR), ("projectionFar", far, FAR)] {
-        if !(value >= 0.0 && value.is_finite()) {
-            findings.error(node.at_field(field), format!("{} has the {field} {value}; it cannot be negative (0: automatic)", node.kind()));
-            return None;
-        }
-        automatic |= if value == 0.0 { bit } else { 0 };
-    }
-    if automatic & (NEAR | FAR) == 0 && near >= far {
-        findings.error(
-            node.at_field("projectionNear"),
-            format!("{} has projectionNear {near}, which is not below projectionFar {far}", node.kind()),
-        );
-        return None;
-    }
-    let mut out = Projection { near: near * scale, far: far * scale, automatic, ..Projection::default() };
+    let [near, far] = projection::depths(node, scale, findings)?;
+    let automatic = [(near, NEAR), (far, FAR)].iter().filter(|(given, _)| given.is_none()).map(|(_, bit)| bit).sum();
+    let mut out = Projection { near: near.unwrap_or(0.0), far: far.unwrap_or(0.0), automatic, ..Projection::default() };
     let axis = if node.has("direction") { direction(matrix, node.vec3("direction"))? } else { DVec3::NEG_Z };
     let up = node.vec3("up");
     let wanted = if wide(up) == DVec3::ZERO { [0.0, 1.0, 0.0] } else { up };
@@ -186,7 +173,7 @@ fn projection(placed: &Placed<'_>, findings: &mut Findings) -> Option<Projection
 
 fn directional(placed: &Placed<'_>, scale: f32, out: &mut Projection, findings: &mut Findings) -> Option<()> {
     let (node, matrix) = (placed.node, &placed.matrix);
-    let rectangle @ [left, bottom, right, top] = node.vec4("projectionRectangle");
+    let rectangle = node.vec4("projectionRectangle");
     out.location = space::narrow(point(matrix, node.vec3("projectionLocation")));
     if rectangle == [0.0; 4] {
         // Asked of the file's numbers: in the world the light's group has moved them.
@@ -194,15 +181,7 @@ fn directional(placed: &Placed<'_>, scale: f32, out: &mut Projection, findings: 
         out.automatic |= if has_place { RECTANGLE } else { RECTANGLE | LOCATION };
         return Some(());
     }
-    if !(left < right && bottom < top && rectangle.iter().all(|v| v.is_finite())) {
-        let message = format!(
-            "DirectionalLight has the projectionRectangle {left} {bottom} {right} {top}; it is left bottom right top with left < right and \
-             bottom < top (all zero: automatic)"
-        );
-        findings.error(node.at_field("projectionRectangle"), message);
-        return None;
-    }
-    out.rectangle = rectangle.map(|v| v * scale);
+    out.rectangle = projection::rectangle(node, "projectionRectangle", rectangle, scale, findings)?;
     Some(())
 }
 

@@ -1,8 +1,8 @@
 //! Materials (ISO/IEC 19775-1: 12, and 17.2 for what they mean): Material, PhysicalMaterial, UnlitMaterial, TwoSidedMaterial.
 //!
-//! X3D's highlight is specularColor (N·H)^(128 shininess), not normalised. It becomes the normalised Phong lobe that is as wide (a lobe about
-//! the mirror direction is about a quarter as sharp as one about the half vector) and as bright in its middle: Ks = 2 specularColor/(n + 2).
-//! A lobe that keeps the number of Ks instead would be n/2 times too bright.
+//! X3D's highlight is specularColor (N·H)^(128 shininess), not normalised. It becomes the normalised Phong lobe that is as wide (a lobe
+//! about the mirror direction is about a quarter as sharp as one about the half vector) and as bright in its middle:
+//! Ks = 2 specularColor/(n + 2). A lobe that keeps the number of Ks instead would be n/2 times too bright.
 
 use super::{
     colours::Colours,
@@ -97,9 +97,9 @@ pub(super) fn convert<'d>(shape: &Shape<'d, '_>, textures: &mut Textures<'_, 'd>
         let mut front = match shader {
             // Whatever the shader draws, it is hardly white light.
             Some(_) => maker.grey(),
-            None => maker.unlit("unlit", Rgb::WHITE, None),
+            None => maker.unlit("unlit", Rgb::WHITE, Held::Nothing),
         };
-        front.opacity = maker.opacity(0.0, None);
+        front.opacity = maker.opacity(0.0, Held::Nothing);
         return Sides { front, back: None };
     };
     let names = if node.kind() == "CommonSurfaceShader" { Names::Factors } else { Names::Plain };
@@ -121,9 +121,20 @@ struct Own<'d> {
     channel: &'d str,
 }
 
-impl Own<'_> {
-    fn layers(self) -> Vec<TextureLayer> {
-        vec![TextureLayer { texture: self.texture, mode: LayerMode::Modulate { scale: 1.0 } }]
+/// What a field of a material holds that is there for a texture.
+#[derive(Clone, Copy)]
+enum Held<'d> {
+    /// Nothing: for the colour the texture of the appearance counts.
+    Nothing,
+    /// A texture that does not show on the shape: it colours a light instead, or has no picture, which is said.
+    Hidden,
+    /// A texture.
+    Shown(Own<'d>),
+}
+
+impl Held<'_> {
+    fn texture(self) -> Option<TextureRef> {
+        if let Self::Shown(own) = self { Some(own.texture) } else { None }
     }
 }
 
@@ -139,27 +150,19 @@ impl<'d> Maker<'_, 'd, '_, '_> {
         let name = node.def().unwrap_or(node.kind());
         let emissive = self.own(node, "emissiveTexture", Coding::Srgb);
         // The texture that carries the opacity (X3D 4: 12.4) is that of the colour.
-        let (mut material, base) = match node.kind() {
-            "UnlitMaterial" => {
-                let emission = colour(node, "emissiveColor", self.findings);
-                (self.unlit(name, emission, emissive), emissive)
-            }
-            "PhysicalMaterial" => {
-                let base = self.own(node, "baseTexture", Coding::Srgb);
-                (self.physical(node, name, base), base)
-            }
-            _ => {
-                let base = self.own(node, "diffuseTexture", Coding::Srgb);
-                (self.phong(node, name, names, base), base)
-            }
+        let base = self.own(node, own::of_colour(node.kind()), Coding::Srgb);
+        let emission = colour(node, &names.of("emissiveColor"), self.findings);
+        let mut material = match node.kind() {
+            "UnlitMaterial" => self.unlit(name, emission, base),
+            "PhysicalMaterial" => self.physical(node, name, base),
+            _ => self.phong(node, name, names, base),
         };
         if node.kind() != "UnlitMaterial" {
-            material.emission = colour(node, &names.of("emissiveColor"), self.findings);
-            material.emission_texture = emissive.map(|own| own.texture);
+            (material.emission, material.emission_texture) = (emission, emissive.texture());
         }
         let normals = self.own(node, "normalTexture", Coding::Linear);
         let scale = if node.has("normalScale") { node.float("normalScale") } else { 1.0 };
-        material.normal_map = normals.map(|own| NormalMap { texture: own.texture, scale });
+        material.normal_map = normals.texture().map(|texture| NormalMap { texture, scale });
         if ["occlusionTexture", "ambientTexture", "shininessTexture"].iter().any(|f| node.has(f) && node.node(f).is_some()) {
             self.findings.count(node.at(), "occlusion, ambient and shininess textures were ignored");
         }
@@ -171,7 +174,7 @@ impl<'d> Maker<'_, 'd, '_, '_> {
         material
     }
 
-    fn phong(&mut self, node: NodeRef<'d>, name: &str, names: Names, base: Option<Own<'d>>) -> Material {
+    fn phong(&mut self, node: NodeRef<'d>, name: &str, names: Names, base: Held<'d>) -> Material {
         let has_colours = self.shape.colours.is_some();
         let mut diffuse = if has_colours { Rgb::WHITE } else { colour(node, &names.of("diffuseColor"), self.findings) };
         let (ks, shininess) = (colour(node, &names.of("specularColor"), self.findings), node.float(&names.of("shininess")));
@@ -183,8 +186,8 @@ impl<'d> Maker<'_, 'd, '_, '_> {
             Names::Factors => Rgb::from(node.vec3("ambientFactor")).mean(),
             _ => node.float(&names.of("ambientIntensity")),
         };
-        let layers = base.map_or_else(|| self.layers(), Own::layers);
-        let specular_texture = self.own(node, "specularTexture", Coding::Srgb).map(|own| own.texture);
+        let layers = self.layers(base);
+        let specular_texture = self.own(node, "specularTexture", Coding::Srgb).texture();
         let lobe = Lobe::Phong { exponent };
         Material::new(
             name,
@@ -192,12 +195,12 @@ impl<'d> Maker<'_, 'd, '_, '_> {
         )
     }
 
-    fn physical(&mut self, node: NodeRef<'d>, name: &str, base: Option<Own<'d>>) -> Material {
+    fn physical(&mut self, node: NodeRef<'d>, name: &str, base: Held<'d>) -> Material {
         let has_colours = self.shape.colours.is_some();
         let color = if has_colours { Rgb::WHITE } else { colour(node, "baseColor", self.findings) };
         let share = |field| node.float(field).clamp(0.0, 1.0);
-        let layers = base.map_or_else(|| self.layers(), Own::layers);
-        let texture = self.own(node, "metallicRoughnessTexture", Coding::Linear).map(|own| own.texture);
+        let layers = self.layers(base);
+        let texture = self.own(node, "metallicRoughnessTexture", Coding::Linear).texture();
         let pbr = MetallicRoughness::plain(color, share("metallic"), share("roughness"));
         Material::new(name, Reflection::MetallicRoughness(MetallicRoughness { layers, metallic_roughness_texture: texture, ..pbr }))
     }
@@ -205,35 +208,50 @@ impl<'d> Maker<'_, 'd, '_, '_> {
     /// What a Material looks like of which nothing is said, with the textures of the appearance.
     fn grey(&self) -> Material {
         let diffuse = if self.shape.colours.is_some() { Rgb::WHITE } else { Rgb::splat(0.8) };
-        Material::new("shader", Reflection::Phong(Phong { layers: self.layers(), ..Phong::matt(diffuse) }))
+        Material::new("shader", Reflection::Phong(Phong { layers: self.layers(Held::Nothing), ..Phong::matt(diffuse) }))
     }
 
     /// Something that is drawn in its colour whatever light there is: it gives that colour as light. Emission does not vary with vertices:
     /// of several colours it is the mean, as for glTF's unlit materials.
-    fn unlit(&mut self, name: &str, emission: Rgb, own: Option<Own<'d>>) -> Material {
+    fn unlit(&mut self, name: &str, emission: Rgb, own: Held<'d>) -> Material {
         let emission = self.shape.colours.map_or(emission, |colours| {
             if colours.vary {
                 self.findings.count(self.shape.at, "unlit shapes with several vertex colours were given the mean of them");
             }
             colours.mean
         });
-        let texture = own.map(|own| own.texture).or_else(|| self.layers().first().map(|l| l.texture));
+        let texture = self.layers(own).first().map(|l| l.texture);
         Material { emission_texture: texture, ..Material::new(name, Reflection::None).emitting(emission) }
     }
 
-    /// The layers of the appearance's own texture.
-    fn layers(&self) -> Vec<TextureLayer> {
-        self.shape.layers.iter().map(|l| TextureLayer { texture: self.join(l.texture, l.source), mode: l.mode }).collect()
+    /// The layers of a colour: the material's own texture, or those of the appearance where its field is empty.
+    fn layers(&self, own: Held<'d>) -> Vec<TextureLayer> {
+        match own {
+            Held::Nothing => {
+                self.shape.layers.iter().map(|l| TextureLayer { texture: self.join(l.texture, l.source), mode: l.mode }).collect()
+            }
+            Held::Hidden => vec![],
+            Held::Shown(own) => vec![TextureLayer { texture: own.texture, mode: LayerMode::Modulate { scale: 1.0 } }],
+        }
     }
 
-    /// A texture in a field of the material itself (X3D 4); `None` also for one that colours a light instead.
-    fn own(&mut self, node: NodeRef<'d>, field: &str, coding: Coding) -> Option<Own<'d>> {
-        let found = own::find(node, field, self.shape.appearance, self.shape.coordinates)?;
-        if self.shape.colours_lights && found.colours_light() {
-            return None;
+    /// A texture in a field of the material itself (X3D 4).
+    fn own(&mut self, node: NodeRef<'d>, field: &str, coding: Coding) -> Held<'d> {
+        let Some(found) = own::find(node, field, self.shape.appearance, self.shape.coordinates) else { return Held::Nothing };
+        if let Some(wrapper) = found.masked {
+            let what = "SurfaceShaderTexture nodes have a channelMask, which is not supported: all channels are used";
+            self.findings.count(wrapper.at_field("channelMask"), what);
         }
-        let (image, reference) = self.textures.texture(found.texture, found.transform, coding, self.findings)?;
-        Some(Own { image, texture: self.join(reference, found.source), channel: found.texture.string("alphaChannel") })
+        if self.shape.colours_lights && found.colours_light() {
+            return Held::Hidden;
+        }
+        match self.textures.texture(found.texture, found.transform, coding, self.findings) {
+            Some((image, reference)) => {
+                let channel = found.texture.string("alphaChannel");
+                Held::Shown(Own { image, texture: self.join(reference, found.source), channel })
+            }
+            None => Held::Hidden,
+        }
     }
 
     /// A texture with its coordinates.
@@ -243,14 +261,16 @@ impl<'d> Maker<'_, 'd, '_, '_> {
     }
 
     /// Opacity of the material and of the texture of its colour, or the first layer that has any. `alphaMode` decides what it means
-    /// (X3D 4: 12.4.1); AUTO cuts out what is nearly all or nothing and blends the rest. The alpha of ColorRGBA replaces the transparency.
-    fn opacity(&mut self, transparency: f32, own: Option<Own<'d>>) -> Opacity {
+    /// (X3D 4: 12.4.1), and with AUTO `alphaChannel` where that says something; else AUTO cuts out what is nearly all or nothing and blends
+    /// the rest. The alpha of ColorRGBA replaces the transparency.
+    fn opacity(&mut self, transparency: f32, own: Held<'d>) -> Opacity {
         let replaced = self.shape.colours.is_some_and(|c| c.has_alpha);
         let factor = if transparency.is_finite() && !replaced { 1.0 - transparency.clamp(0.0, 1.0) } else { 1.0 };
         let appearance = self.shape.appearance;
         let texture = match own {
-            Some(own) => Some(own),
-            None => {
+            Held::Shown(own) => Some(own),
+            Held::Hidden => None,
+            Held::Nothing => {
                 let layer = self.shape.layers.iter().find(|l| l.image.transparent && l.channel != "NONE");
                 layer.map(|l| Own { image: l.image, texture: self.join(l.texture, l.source), channel: l.channel })
             }
@@ -262,8 +282,10 @@ impl<'d> Maker<'_, 'd, '_, '_> {
         let transparent = self.shape.colours.is_some_and(|c| c.transparent);
         let mode = match (word, channel) {
             ("OPAQUE", _) | (_, "NONE") => AlphaMode::Opaque,
-            ("MASK", _) | (_, "TEST") => AlphaMode::Mask { cutoff },
-            ("BLEND", _) | (_, "BLENDING") => AlphaMode::Blend,
+            ("MASK", _) => AlphaMode::Mask { cutoff },
+            ("BLEND", _) => AlphaMode::Blend,
+            (_, "TEST") => AlphaMode::Mask { cutoff },
+            (_, "BLENDING") => AlphaMode::Blend,
             _ if transparent => AlphaMode::Blend,
             _ => self.textures.images.alpha_mode(factor, texture.map(|own| own.image), cutoff),
         };

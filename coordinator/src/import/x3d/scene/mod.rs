@@ -9,6 +9,7 @@
 //! The order follows from who needs whom: an automatic projection needs meshes, a projected texture needs projections. Building shape by
 //! shape in one pass would have to come back to each of them.
 
+mod address;
 mod build;
 mod colours;
 mod coordinates;
@@ -20,6 +21,7 @@ mod light;
 mod material;
 mod own;
 mod pixels;
+mod projection;
 mod projectors;
 mod reach;
 mod shadow;
@@ -30,6 +32,7 @@ mod view;
 mod walk;
 
 pub(super) use build::build;
+pub(super) use own::of_colour;
 
 #[cfg(test)]
 mod tests;

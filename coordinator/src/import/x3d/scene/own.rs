@@ -7,6 +7,15 @@ use super::{
 };
 use crate::import::x3d::NodeRef;
 
+/// The field of this type of material whose texture is the colour that a shape is seen in: there it takes the place of the appearance's.
+pub(in crate::import::x3d) fn of_colour(material: &str) -> &'static str {
+    match material {
+        "PhysicalMaterial" => "baseTexture",
+        "UnlitMaterial" => "emissiveTexture",
+        _ => "diffuseTexture",
+    }
+}
+
 /// The fields; those of the colour, which a light can be given, first.
 const FIELDS: [&str; 6] =
     ["diffuseTexture", "baseTexture", "emissiveTexture", "normalTexture", "specularTexture", "metallicRoughnessTexture"];
@@ -17,6 +26,8 @@ pub(super) struct OwnTexture<'d> {
     pub(super) texture: NodeRef<'d>,
     pub(super) transform: Option<NodeRef<'d>>,
     pub(super) source: Source<'d>,
+    /// The node around it whose `channelMask` is not used.
+    pub(super) masked: Option<NodeRef<'d>>,
     /// Whether it is the colour that the shape is seen in.
     is_colour: bool,
 }
@@ -37,17 +48,20 @@ pub(super) fn find<'d>(
 ) -> Option<OwnTexture<'d>> {
     let texture = material.has(field).then(|| material.node(field)).flatten()?;
     let mapping = material.string(&format!("{field}Mapping"));
-    let transform = appearance.and_then(|a| a.node("textureTransform")).and_then(|t| named(t, mapping));
+    let is_colour = field == of_colour(material.kind());
     // X3DOM's CommonSurfaceShader may wrap its textures.
-    let (texture, transform) = match texture.kind() {
-        "SurfaceShaderTexture" => (texture.node("texture")?, texture.node("textureTransform")),
-        _ => (texture, transform),
-    };
-    let is_colour = match field {
-        "diffuseTexture" | "baseTexture" => true,
-        _ => field == "emissiveTexture" && material.kind() == "UnlitMaterial",
-    };
-    Some(OwnTexture { texture, transform, source: coordinates.named(mapping), is_colour })
+    if texture.kind() == "SurfaceShaderTexture" {
+        let (wrapper, set) = (texture, usize::try_from(texture.int("textureCoordinatesId")).unwrap_or_default());
+        return Some(OwnTexture {
+            texture: wrapper.node("texture")?,
+            transform: wrapper.node("textureTransform"),
+            source: coordinates.at(set),
+            masked: Some(wrapper).filter(|w| w.string("channelMask") != "DEFAULT"),
+            is_colour,
+        });
+    }
+    let transform = appearance.and_then(|a| a.node("textureTransform")).and_then(|t| named(t, mapping));
+    Some(OwnTexture { texture, transform, source: coordinates.named(mapping), masked: None, is_colour })
 }
 
 /// All textures in fields of an appearance's materials.

@@ -6,14 +6,24 @@ use kiln_proto::{
     scene::{Coding, Texture},
 };
 
-/// The texture of an SFImage: width, height, components, then a number per pixel from the lower left.
+/// Whether a node is a PixelTexture without a pixel.
+pub(super) fn is_empty(node: NodeRef<'_>) -> bool {
+    node.kind() == "PixelTexture" && !matches!(node.mf_int("image"), [width, height, ..] if *width > 0 && *height > 0)
+}
+
+/// Whether a node is what stands in a list for another one that was skipped, which has been said.
+pub(super) fn is_stand_in(node: NodeRef<'_>) -> bool {
+    node.kind() == "PixelTexture" && !node.is_set("image")
+}
+
+/// The texture of an SFImage: width, height, components, then a number per pixel from the lower left; `None` for an empty one, and for one
+/// that is none, which is then an error.
 pub(super) fn pixels(node: NodeRef<'_>, coding: Coding, name: String, findings: &mut Findings) -> Option<Texture> {
     let numbers = node.mf_int("image");
     let &[w, h, components, ref rest @ ..] = numbers else { return None };
     let (width, height) = (u32::try_from(w).ok()?, u32::try_from(h).ok()?);
     let count = u64::from(width) * u64::from(height);
     if count == 0 {
-        findings.warn(node.at(), "PixelTexture has no pixels; the shape is baked without");
         return None;
     }
     if !(1..=4).contains(&components) || count > limits::TEXTURE_PIXELS || rest.len() as u64 != count {

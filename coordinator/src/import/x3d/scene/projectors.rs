@@ -3,12 +3,14 @@
 use super::{
     fit::{self, Bounds, Rays},
     form::Formed,
+    projection,
     shadow::{Lights, can_project},
     space, view,
     walk::{Placed, World},
 };
 use crate::import::{
     findings::Findings,
+    mesh::stretch,
     x3d::{NodeId, NodeRef},
 };
 use glam::DMat4;
@@ -78,16 +80,18 @@ impl Maker<'_, '_> {
         let alone = Placed { node, matrix: DMat4::IDENTITY, group: 0, name: None };
         let among_cameras = self.world.viewpoints.iter().find(|p| p.node.id() == node.id());
         let placed = among_cameras.or_else(|| self.world.further_viewpoints.get(&node.id())).unwrap_or(&alone);
+        let scale = stretch(&placed.matrix) as f32;
+        let given = projection::depths(node, scale, findings)?;
+        let rectangle = match node.kind() {
+            "OrthoViewpoint" => Some(projection::rectangle(node, "fieldOfView", view::extent(node), scale, findings)?),
+            _ => None,
+        };
         let camera = view::camera(placed, name.clone(), findings)?;
         let is_bound = self.cameras.first().is_some_and(|(id, _)| *id == node.id());
         let rays = Rays::Along(space::wide(camera.eye), space::wide(camera.forward));
-        let (found_near, found_far) = fit::depth(rays, self.casters, self.casters);
-        let given = |field, found| if node.float(field) > 0.0 { f64::from(node.float(field)) } else { found };
-        let (near, far) = (given("projectionNear", found_near), given("projectionFar", found_far));
-        if near >= far {
-            findings.error(node.at(), format!("the viewpoint `{name}` projects from {near} to {far}, which is nothing"));
-            return None;
-        }
-        Some(Projector { name, light: None, matrix: view::viewpoint_matrix(placed, &camera, is_bound, near, far) })
+        let found = fit::depth(rays, self.casters, self.casters);
+        let who = format!("the viewpoint `{name}`");
+        let ends = projection::ends(given, found, &who, |message| findings.warn(node.at_field("projectionNear"), message));
+        Some(Projector { name, light: None, matrix: view::viewpoint_matrix(&camera, is_bound, rectangle, ends) })
     }
 }

@@ -1,7 +1,7 @@
 //! Which lights do not reach a shape: those that are not `global` shine on what hangs in their own group only (ISO/IEC 19775-1: 17.3.1).
 //!
-//! The answer is the same for all that stands in one group and is found once for it. Every surface carries a list of its own in the end, and
-//! groups that use each other make millions of pairs of few nodes, so pairs are counted before any list is copied.
+//! The answer is the same for all that stands in one group and is found once for it. Every surface carries a list of its own in the end,
+//! and groups that use each other make millions of pairs of few nodes, so pairs are counted before any list is copied.
 
 use super::walk::{Group, World};
 use crate::import::findings::Findings;

@@ -3,11 +3,12 @@
 use super::{
     fit::{self, Bounds, Rays},
     light::{self, DEFAULT_MAP, FAR, LOCATION, NEAR, RECTANGLE},
+    projection,
     space::{narrow, wide},
     walk::{Placed, World},
 };
 use crate::import::{
-    findings::Findings,
+    findings::{At, Findings},
     name::Names,
     x3d::{NodeId, NodeRef},
 };
@@ -23,8 +24,8 @@ use std::collections::BTreeMap;
 pub(super) struct Lights {
     /// The lights, those of the walk first.
     pub(super) lights: Vec<Light>,
-    /// The first light of each node.
-    by_node: BTreeMap<NodeId, u32>,
+    /// The first light of each node; `None` for a node that makes none, which is an error that is said once.
+    by_node: BTreeMap<NodeId, Option<u32>>,
     names: Names,
 }
 
@@ -61,17 +62,18 @@ impl Lights {
     fn add(&mut self, placed: &Placed<'_>, shines: bool, units: LightUnits, findings: &mut Findings) -> Option<u32> {
         let wanted = placed.node.def().unwrap_or(placed.node.kind());
         let name = self.names.take(wanted);
-        let light = light::convert(placed, name, shines, units, findings)?;
-        let index = self.lights.len() as u32;
-        self.lights.push(light);
-        self.by_node.entry(placed.node.id()).or_insert(index);
-        Some(index)
+        let light = light::convert(placed, name, shines, units, findings);
+        let index = light.is_some().then_some(self.lights.len() as u32);
+        self.lights.extend(light);
+        let first = self.by_node.entry(placed.node.id()).or_default();
+        *first = first.or(index);
+        index
     }
 
     /// The light of a node; one that stands nowhere in the scene is added, but does not shine (Kamburelis 4.4).
     pub(super) fn of_node(&mut self, node: NodeRef<'_>, units: LightUnits, findings: &mut Findings) -> Option<u32> {
-        if let Some(index) = self.by_node.get(&node.id()) {
-            return Some(*index);
+        if let Some(known) = self.by_node.get(&node.id()) {
+            return *known;
         }
         self.add(&Placed { node, matrix: DMat4::IDENTITY, group: 0, name: None }, false, units, findings)
     }
@@ -109,26 +111,18 @@ impl Lights {
     }
 
     /// Fills in what projections leave to be found. `receivers` has the box of what receives the shadows of each light.
-    pub(super) fn complete(&mut self, casters: Bounds, receivers: &[Bounds], findings: &mut Findings, at: crate::import::findings::At<'_>) {
+    pub(super) fn complete(&mut self, casters: Bounds, receivers: &[Bounds], findings: &mut Findings, at: At<'_>) {
         for (index, light) in self.lights.iter_mut().enumerate() {
             let receiving = receivers.get(index).copied().unwrap_or(Bounds::EMPTY);
-            complete(light, casters, receiving);
+            complete(light, casters, receiving, |message| findings.warn(at, message));
             if !receiving.is_empty() || light.casts_shadows {
                 light.shadow_map.get_or_insert(DEFAULT_MAP);
-            }
-            if light.projection.near >= light.projection.far {
-                let message = format!(
-                    "the light `{}` is given projectionNear {} beyond the far end {} that its shadows need",
-                    light.name, light.projection.near, light.projection.far
-                );
-                findings.warn(at, message);
-                light.projection.far = light.projection.near * 2.0;
             }
         }
     }
 }
 
-fn complete(light: &mut Light, casters: Bounds, receivers: Bounds) {
+fn complete(light: &mut Light, casters: Bounds, receivers: Bounds, warn: impl FnOnce(String)) {
     let p = &mut light.projection;
     if let LightShape::Directional { direction } = light.shape
         && p.automatic & RECTANGLE != 0
@@ -154,11 +148,7 @@ fn complete(light: &mut Light, casters: Bounds, receivers: Bounds) {
         LightShape::Directional { direction } | LightShape::Spot { direction, .. } => Rays::Along(location, wide(direction)),
         LightShape::Point { .. } => Rays::From(location),
     };
-    let (near, far) = fit::depth(rays, casters, receivers);
-    if p.automatic & FAR != 0 {
-        p.far = far as f32;
-    }
-    if p.automatic & NEAR != 0 {
-        p.near = (near as f32).min(p.far / 2.0);
-    }
+    let given = [(p.near, NEAR), (p.far, FAR)].map(|(value, bit)| (p.automatic & bit == 0).then_some(value));
+    let who = format!("the light `{}`", light.name);
+    [p.near, p.far] = projection::ends(given, fit::depth(rays, casters, receivers), &who, warn);
 }

@@ -4,15 +4,16 @@
 //! standard says and what browsers do.
 
 use super::{
+    address::{self, Target},
     coordinates::{Coordinates, Source},
-    pixels::pixels,
+    pixels::{is_empty, is_stand_in, pixels},
 };
 use crate::import::{
-    Bundle, bundle,
+    Bundle,
     findings::{At, Findings},
     images::{Image, Images, Wanted},
     uri,
-    x3d::{self, NodeId, NodeRef},
+    x3d::{NodeId, NodeRef},
 };
 use crate::records::Problem;
 use kiln_proto::{
@@ -107,6 +108,9 @@ impl<'b, 'd> Textures<'b, 'd> {
                 shadow_maps.push(texture);
                 continue;
             }
+            if is_stand_in(texture) {
+                continue;
+            }
             if layers.len() >= MOST_LAYERS {
                 findings.warn_once(
                     node.at(),
@@ -161,33 +165,23 @@ impl<'b, 'd> Textures<'b, 'd> {
 
     /// The first of the addresses that the bundle has.
     fn file(&mut self, node: NodeRef<'_>, wanted: Wanted, findings: &mut Findings) -> Option<Image> {
-        let (at, from) = (node.at_field("url"), node.file_of("url"));
-        let urls = node.mf_string("url");
-        if urls.is_empty() {
+        let at = node.at_field("url");
+        if node.mf_string("url").is_empty() {
             findings.warn(at, "ImageTexture has no url; the shape is baked without");
             return None;
         }
-        for (number, url) in urls.iter().enumerate() {
-            let url = url.trim();
-            if uri::is_data(url) {
-                return self.data(&url[5..], number, wanted, node, findings);
-            }
-            match x3d::find(self.bundle, from, url) {
-                Some(bundle::Found::Exact(path)) => return self.images.file(self.bundle, path, wanted, at, findings),
-                Some(bundle::Found::Near(path)) => {
-                    findings.warn(at, format!("the image `{url}` is not in the bundle; `{path}` is used instead"));
-                    return self.images.file(self.bundle, path, wanted, at, findings);
-                }
-                None => {}
+        match address::next(self.bundle, node, 0, findings) {
+            Some((number, Target::Data(data))) => self.data(data, number, wanted, node, findings),
+            Some((_, Target::File(path))) => self.images.file(self.bundle, path, wanted, at, findings),
+            None => {
+                findings.error(at, address::missing(node));
+                None
             }
         }
-        let listed: Vec<&str> = urls.iter().map(AsRef::as_ref).take(5).collect();
-        findings.error(at, format!("the image `{}` is not in the bundle; nothing is fetched from elsewhere", listed.join("`, `")));
-        None
     }
 
-    /// An image inside the file, told from others by the place of the value, which instances of a prototype have each to themselves, and its
-    /// number there.
+    /// An image inside the file, told from others by the place of the value, which instances of a prototype have each to themselves, and
+    /// its number there.
     fn data(&mut self, data: &str, number: usize, wanted: Wanted, node: NodeRef<'_>, findings: &mut Findings) -> Option<Image> {
         let (at, place) = (node.at_field("url"), node.place_of("url"));
         let name = format!("{}:{}:{}:{number}", node.file_of("url"), place.line, place.column);
@@ -201,6 +195,9 @@ impl<'b, 'd> Textures<'b, 'd> {
         let key = (node.id(), wanted.coding == Coding::Linear);
         if let Some(known) = self.pixels.get(&key) {
             return *known;
+        }
+        if is_empty(node) {
+            findings.warn(node.at(), "PixelTexture has no pixels; the shape is baked without");
         }
         let name = node.def().unwrap_or("PixelTexture").to_owned();
         let image = pixels(node, wanted.coding, name, findings).and_then(|t| {

@@ -4,7 +4,7 @@ use super::{
     space::{self, narrow, point, rotation, upright},
     walk::Placed,
 };
-use crate::import::{findings::Findings, x3d::NodeRef};
+use crate::import::{findings::Findings, mesh::stretch, x3d::NodeRef};
 use glam::{DMat4, DVec3, DVec4};
 use kiln_proto::{
     math,
@@ -25,9 +25,9 @@ pub(super) fn camera(placed: &Placed<'_>, name: String, findings: &mut Findings)
         return None;
     };
     let lens = if node.kind() == "OrthoViewpoint" {
-        let view = node.mf_float("fieldOfView");
-        let [_, bottom, _, top] = view.first_chunk::<4>().copied().unwrap_or([-1.0, -1.0, 1.0, 1.0]);
-        let half_height = (top - bottom).abs() / 2.0;
+        let [_, bottom, _, top] = extent(node);
+        // The file's lengths are those of the viewpoint's group.
+        let half_height = (top - bottom).abs() / 2.0 * stretch(&placed.matrix) as f32;
         if !(half_height > 0.0 && half_height.is_finite()) {
             findings.warn(node.at_field("fieldOfView"), format!("the viewpoint `{name}` shows no height and was left out"));
             return None;
@@ -38,6 +38,11 @@ pub(super) fn camera(placed: &Placed<'_>, name: String, findings: &mut Findings)
     };
     let eye = point(&placed.matrix, node.vec3("position"));
     Some(Camera { name, eye: narrow(eye), forward: narrow(forward), up: narrow(upright(forward, up)), lens })
+}
+
+/// Left, bottom, right and top of what an OrthoViewpoint shows.
+pub(super) fn extent(node: NodeRef<'_>) -> [f32; 4] {
+    node.mf_float("fieldOfView").first_chunk().copied().unwrap_or([-1.0, -1.0, 1.0, 1.0])
 }
 
 fn field_of_view(node: NodeRef<'_>, findings: &mut Findings) -> f32 {
@@ -82,15 +87,14 @@ pub(super) fn light_matrix(light: &Light) -> Option<[[f32; 4]; 4]> {
     Some(View { eye: space::wide(p.location), forward: space::wide(forward), up: space::wide(p.up), clip }.rows())
 }
 
-/// The matrix of a viewpoint. The bound one has the aspect of the picture, any other projects with its field of view along both axes.
-pub(super) fn viewpoint_matrix(placed: &Placed<'_>, camera: &Camera, is_bound: bool, near: f64, far: f64) -> [[f32; 4]; 4] {
+/// The matrix of a viewpoint. The bound one has the aspect of the picture, any other projects with its field of view along both axes; one
+/// without a field of view projects this rectangle.
+pub(super) fn viewpoint_matrix(camera: &Camera, is_bound: bool, rectangle: Option<[f32; 4]>, ends: [f32; 2]) -> [[f32; 4]; 4] {
     let aspect = if is_bound { ASPECT } else { 1.0 };
+    let [near, far] = ends.map(f64::from);
     let clip = match camera.lens {
         Lens::Perspective { fov, .. } => perspective(f64::from(fov), aspect, near, far),
-        Lens::Orthographic { .. } => {
-            let view = placed.node.mf_float("fieldOfView");
-            orthographic(view.first_chunk::<4>().copied().unwrap_or([-1.0, -1.0, 1.0, 1.0]).map(f64::from), near, far)
-        }
+        Lens::Orthographic { half_height: half } => orthographic(rectangle.unwrap_or([-half, -half, half, half]).map(f64::from), near, far),
     };
     View { eye: space::wide(camera.eye), forward: space::wide(camera.forward), up: space::wide(camera.up), clip }.rows()
 }

@@ -3,7 +3,7 @@
 //! The graph is expanded, because every instance gets a light field of its own. Instances are counted, so that a few nodes that stand for
 //! a billion shapes are refused instead of built. Order is that of the file, parents before children.
 
-use super::space;
+use super::{environment, space};
 use crate::import::{
     BundlePath,
     findings::Findings,
@@ -11,7 +11,7 @@ use crate::import::{
 };
 use glam::DMat4;
 use kiln_proto::limits;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// A group instance, counted in the order of the walk.
 pub(super) type Group = u32;
@@ -34,7 +34,7 @@ pub(super) struct Placed<'d> {
 pub(super) struct World<'d> {
     pub(super) shapes: Vec<Placed<'d>>,
     pub(super) lights: Vec<Placed<'d>>,
-    /// EnvironmentLight nodes.
+    /// EnvironmentLight nodes that are on: those that count, and one more where there are too many.
     pub(super) environments: Vec<Placed<'d>>,
     pub(super) viewpoints: Vec<Placed<'d>>,
     /// Viewpoints beyond those that become cameras, which may still project textures: each at its first place.
@@ -52,7 +52,7 @@ struct Walk<'d, 'f> {
     document: &'d Document,
     world: World<'d>,
     findings: &'f mut Findings,
-    /// Visits so far.
+    /// Visits so far, and entries of lists that were looked at and passed over.
     steps: u64,
 }
 
@@ -107,7 +107,8 @@ impl<'d> Walk<'d, '_> {
         match node.kind() {
             "Shape" => world.shapes.push(placed()),
             "DirectionalLight" | "PointLight" | "SpotLight" => world.lights.push(placed()),
-            "EnvironmentLight" => world.environments.push(placed()),
+            "EnvironmentLight" if node.bool("on") && world.environments.len() <= environment::MOST => world.environments.push(placed()),
+            "EnvironmentLight" => {}
             "Viewpoint" | "OrthoViewpoint" if world.viewpoints.len() >= MAX_VIEWPOINTS => {
                 self.findings.count(node.at(), "viewpoints beyond the first thousand were left out");
                 world.further_viewpoints.entry(node.id()).or_insert_with(placed);
@@ -125,6 +126,10 @@ impl<'d> Walk<'d, '_> {
         if is_hidden(node) {
             self.findings.count(node.at(), HIDDEN);
             return true;
+        }
+        self.steps += passed_over(node);
+        if self.steps > MAX_STEPS {
+            return false;
         }
         let group = self.world.parents.len() as Group;
         let inner = Place { matrix: place.matrix * space::local(node), group, name: node.def().or(place.name) };
@@ -164,18 +169,13 @@ impl<'d> Walk<'d, '_> {
             // X3D 3 has a list for the children of a CADLayer, X3D 4 one word for all.
             "CADLayer" if node.mf_int("visible").len() > 1 => {
                 let hidden = |at: usize| node.mf_int("visible").get(at).is_some_and(|v| *v == 0);
-                let (left, shown): (Vec<_>, Vec<_>) = children().enumerate().partition(|(at, _)| hidden(*at));
-                left.iter().for_each(|(_, n)| self.findings.count(n.at(), HIDDEN));
-                shown.into_iter().map(|(_, n)| n).collect()
+                self.unhidden(children().enumerate().map(|(at, child)| (child, hidden(at))))
             }
             "LayerSet" => {
                 self.findings.count(node.at(), "layers were baked as one scene: none is drawn over another");
-                let order = node.mf_int("order");
+                let order: BTreeSet<i32> = node.mf_int("order").iter().copied().collect();
                 // Layer 0 is what stands beside the LayerSet.
-                let (shown, left): (Vec<_>, Vec<_>) =
-                    (1..).zip(node.children("layers")).partition(|(number, _): &(i32, _)| order.contains(number));
-                left.iter().for_each(|(_, n)| self.findings.count(n.at(), HIDDEN));
-                shown.into_iter().map(|(_, n)| n).collect()
+                self.unhidden((1..).zip(node.children("layers")).map(|(number, layer)| (layer, !order.contains(&number))))
             }
             "CADFace" => node.node("shape").into_iter().collect(),
             "Billboard" => {
@@ -185,6 +185,34 @@ impl<'d> Walk<'d, '_> {
             _ => children().collect(),
         }
     }
+
+    /// Those of some nodes that are not said to be hidden.
+    fn unhidden(&mut self, nodes: impl Iterator<Item = (NodeRef<'d>, bool)>) -> Vec<NodeRef<'d>> {
+        let (mut shown, mut first, mut number) = (vec![], None, 0);
+        for (node, hidden) in nodes {
+            if hidden {
+                first = first.or(Some(node));
+                number += 1;
+            } else {
+                shown.push(node);
+            }
+        }
+        if let Some(first) = first {
+            self.findings.count_lazily(HIDDEN, number, || (first.at(), String::new()));
+        }
+        shown
+    }
+}
+
+/// Entries of a group's lists that are looked at without a visit: what is hidden costs time too.
+fn passed_over(node: NodeRef<'_>) -> u64 {
+    let entries = match node.kind() {
+        "Switch" => usize::try_from(node.int("whichChoice")).map_or(0, |choice| node.children("children").len().min(choice)),
+        "CADLayer" if node.mf_int("visible").len() > 1 => node.children("children").len(),
+        "LayerSet" => node.children("layers").len() + node.mf_int("order").len(),
+        _ => 0,
+    };
+    entries as u64
 }
 
 /// What is said of groups that are left out because they are told not to be seen.

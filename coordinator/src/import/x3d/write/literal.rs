@@ -6,7 +6,8 @@ use std::fmt::Write;
 /// Where a list goes on in the next line.
 const LINE: usize = 120;
 
-/// The elements of a value that is no node; strings in quotes; booleans in capitals or not; long lists go on in lines that begin with `indent`.
+/// The elements of a value that is no node; strings in quotes; booleans in capitals or not; long lists go on in lines that begin with
+/// `indent`.
 pub(super) fn elements(ty: FieldType, value: &Value, capitals: bool, indent: &str) -> String {
     let width = ty.width().max(1);
     match value {

@@ -163,7 +163,8 @@ Cell { inside Transform { translation 3 0 0 } cut 0.5 } Cell { } Sun { } Shape {
     assert_eq!(document.node(parts(plain)[1]).float("cutOffAngle"), 0.5, "written in the library's unit: 2 x 0.25");
 }
 
-/// A default of a library stands in the library's units, also where the field is IS one that has no value; a humanoid is scaled like a group.
+/// A default of a library stands in the library's units, also where the field is IS one that has no value; a humanoid is scaled like a
+/// group.
 #[test]
 fn defaults_and_humanoids_of_a_library_keep_its_units() {
     let library = "#X3D V3.3 utf8\nUNIT length mm 0.001

@@ -1,7 +1,7 @@
 //! The six faces of a cube around the scene, each seen from within and upright (ISO/IEC 19775-1: 34).
 //!
-//! They lie as those of a Background do (24.4.1), and as the engine of the shadow extension's author has them: front toward -Z, right toward
-//! +X, top toward +Y with its lower edge at the front's upper one. X_ITE has the front toward +Z, which is half a turn away.
+//! They lie as those of a Background do (24.4.1), and as the engine of the shadow extension's author has them: front toward -Z, right
+//! toward +X, top toward +Y with its lower edge at the front's upper one. X_ITE has the front toward +Z, which is half a turn away.
 
 use super::{map::between, picture::Pixels};
 use glam::DVec3;

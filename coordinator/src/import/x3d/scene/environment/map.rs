@@ -1,13 +1,13 @@
 //! Radiance by direction, and its lat-long map.
 //!
-//! A texel of the map is the mean of four places within it, each read bilinearly, so that a sun of one texel keeps its light when it comes to
-//! lie between texels. Rows are made in parallel; each depends on itself alone, so the bytes are the same on every machine.
+//! A texel of the map is the mean of four places within it, each read bilinearly, so that a sun of one texel keeps its light when it comes
+//! to lie between texels. Rows are made in parallel; each depends on itself alone, so the bytes are the same on every machine.
 
 use super::{cube::Cube, harmonics::Harmonics};
 use glam::{DMat3, DVec3};
 use kiln_proto::{math, scene::Environment, units::Rgb};
 use rayon::prelude::*;
-use std::f64::consts::PI;
+use std::{f64::consts::PI, rc::Rc};
 
 /// The widest map that is made of a cube, pixels: 400 MB.
 const WIDEST: u32 = 8_192;
@@ -72,6 +72,18 @@ pub(super) fn plain([width, height]: [u32; 2], rgb: Vec<[f32; 3]>) -> Environmen
     Environment { name: String::new(), width, height, rgb, rotation: 0.0, intensity: 1.0 }
 }
 
+/// The map that a source is, copied only where somebody else holds it too; the source itself where it is none.
+pub(super) fn kept(source: Rc<Source>) -> Result<Environment, Rc<Source>> {
+    match Rc::try_unwrap(source) {
+        Ok(Source::Map(map)) => Ok(map),
+        Ok(other) => Err(Rc::new(other)),
+        Err(shared) => match &*shared {
+            Source::Map(map) => Ok(map.clone()),
+            _ => Err(shared),
+        },
+    }
+}
+
 /// The map of a source that `to_source` leads to from the map's directions. Cost: four readings a texel.
 pub(super) fn baked(source: &Source, to_source: DMat3, size: [u32; 2]) -> Environment {
     let [width, height] = size.map(|v| v as usize);
@@ -93,7 +105,8 @@ pub(super) fn baked(source: &Source, to_source: DMat3, size: [u32; 2]) -> Enviro
     plain(size, rgb)
 }
 
-/// The radiance of a map toward a direction, as [`Environment`] says: bilinear between texel centres, around and around, constant at the poles.
+/// The radiance of a map toward a direction, as [`Environment`] says: bilinear between texel centres, around and around, constant at the
+/// poles.
 fn look_up(map: &Environment, d: DVec3) -> Rgb {
     let (width, height) = (map.width as usize, map.height as usize);
     let u = 0.5 + (math::atan2(d.z, d.x) + f64::from(map.rotation)) / (2.0 * PI);

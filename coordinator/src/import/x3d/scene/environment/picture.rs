@@ -1,16 +1,18 @@
 //! The pictures of an environment's textures: images, numbers and high dynamic range, and what shape they have.
 //!
-//! Pixels of 8 bits stay what they are until they are looked at: as radiance they would take four times the memory. They are no textures of
-//! the scene, so they do not go through its list of images.
+//! Faces of 8 bits stay what they are until they are looked at: as radiance they would take four times the memory. A panorama becomes the
+//! map itself. They are no textures of the scene, so they do not go through its list of images.
 
 use super::{
-    super::pixels::pixels,
+    super::{
+        address::{self, Target},
+        pixels::{is_empty, pixels},
+    },
     cube::{Cube, Face, NAMES},
     map::{self, Source},
 };
 use crate::import::{
     Bundle,
-    bundle::Found,
     environment::{
         picture::{self, EnvironmentError, Picture},
         settle,
@@ -18,7 +20,7 @@ use crate::import::{
     findings::{At, Findings},
     texture::{self, TextureError},
     uri,
-    x3d::{self, NodeId, NodeRef},
+    x3d::{NodeId, NodeRef},
 };
 use kiln_proto::{
     limits, math,
@@ -29,6 +31,7 @@ use std::{
     borrow::Cow,
     collections::BTreeMap,
     f32::consts::FRAC_PI_2,
+    rc::Rc,
     sync::{Arc, OnceLock},
 };
 
@@ -37,7 +40,7 @@ use std::{
 pub(super) enum Pixels {
     /// 8 bits a channel, sRGB, without alpha.
     Coded(Texture),
-    /// Radiance, from the top row down.
+    /// Radiance.
     Linear(Picture),
 }
 
@@ -58,16 +61,26 @@ impl Pixels {
                 let linear = linear();
                 Rgb::from(std::array::from_fn(|c| linear[usize::from(texture.texels[at + c])]))
             }
-            Self::Linear(picture) => Rgb::from(picture.rgb[(picture.height - 1 - row) * picture.width + column]),
+            Self::Linear(picture) => Rgb::from(picture.rgb[row * picture.width + column]),
         }
     }
 
-    /// All of them as a map that looks toward -Z, where the front of a cube is.
-    fn panorama(&self) -> Environment {
+    /// The radiance of all of them.
+    fn radiance(&self) -> Vec<[f32; 3]> {
         let [width, height] = self.size();
-        let rgb = (0..height).flat_map(|row| (0..width).map(move |column| self.at(column, row).to_array())).collect();
-        Environment { rotation: FRAC_PI_2, ..map::plain([width as u32, height as u32], rgb) }
+        (0..height).flat_map(|row| (0..width).map(move |column| self.at(column, row).to_array())).collect()
     }
+}
+
+/// A map of all pixels that looks toward -Z, where the front of a cube is. Radiance that nobody else needs is not copied.
+fn panorama(pixels: Arc<Pixels>) -> Environment {
+    let size = pixels.size().map(|v| v as u32);
+    let rgb = match Arc::try_unwrap(pixels) {
+        Ok(Pixels::Linear(picture)) => picture.rgb,
+        Ok(coded) => coded.radiance(),
+        Err(shared) => shared.radiance(),
+    };
+    Environment { rotation: FRAC_PI_2, ..map::plain(size, rgb) }
 }
 
 /// The radiance of every value of 8 bits.
@@ -93,10 +106,12 @@ enum PictureError {
     Map(#[from] EnvironmentError),
 }
 
-/// Reads the textures of one light.
+/// Reads the textures of the lights of one scene, each once: a light that stands in many places says once what is wrong with its picture.
 pub(super) struct Reader<'b> {
     bundle: &'b Bundle,
-    /// Nodes that have been read: several faces may use one.
+    /// What textures show that another light needs.
+    sources: BTreeMap<NodeId, Option<Rc<Source>>>,
+    /// Pictures that have been read: several faces may use one.
     known: BTreeMap<NodeId, Option<Arc<Pixels>>>,
     /// Pixels so far.
     sum: u64,
@@ -104,18 +119,33 @@ pub(super) struct Reader<'b> {
 
 impl<'b> Reader<'b> {
     pub(super) fn new(bundle: &'b Bundle) -> Self {
-        Self { bundle, known: BTreeMap::new(), sum: 0 }
+        Self { bundle, sources: BTreeMap::new(), known: BTreeMap::new(), sum: 0 }
     }
 
-    /// What a texture shows by direction; `None` where it has nothing to show, which is said.
-    pub(super) fn source(&mut self, node: NodeRef<'_>, findings: &mut Findings) -> Option<Source> {
+    /// What a texture shows by direction; `None` where it has nothing to show, which is said once. It is kept where it is wanted `again`.
+    pub(super) fn source(&mut self, node: NodeRef<'_>, again: bool, findings: &mut Findings) -> Option<Rc<Source>> {
+        let known = self.sources.remove(&node.id());
+        let source = known.unwrap_or_else(|| self.read(node, findings).map(Rc::new));
+        if again {
+            self.sources.insert(node.id(), source.clone());
+        }
+        source
+    }
+
+    fn read(&mut self, node: NodeRef<'_>, findings: &mut Findings) -> Option<Source> {
         match node.kind() {
+            _ if is_empty(node) => {
+                findings.warn(node.at(), "PixelTexture has no pixels; the EnvironmentLight was left out");
+                None
+            }
             "ComposedCubeMapTexture" => self.composed(node, findings),
             "ImageCubeMapTexture" | "ImageTexture" | "PixelTexture" => {
                 let pixels = self.pixels(node, findings)?;
                 let [width, height] = pixels.size();
                 if width == 2 * height {
-                    return Some(Source::Map(pixels.panorama()));
+                    // No face is as wide: whoever needs the same picture needs this source.
+                    self.known.remove(&node.id());
+                    return Some(Source::Map(panorama(pixels)));
                 }
                 if let Some(cube) = Cube::of_cross(&pixels) {
                     return Some(Source::Cube(cube));
@@ -136,14 +166,13 @@ impl<'b> Reader<'b> {
         let mut faces: [Option<Face>; 6] = std::array::from_fn(|_| None);
         let mut first: Option<(&str, [usize; 2])> = None;
         for (name, face) in NAMES.into_iter().zip(&mut faces) {
-            let Some(texture) = node.node(&format!("{name}Texture")) else {
-                findings.warn(node.at(), format!("ComposedCubeMapTexture has no {name}Texture; there it is black"));
-                continue;
+            let texture = match face_of(node, &format!("{name}Texture")) {
+                Ok(texture) => texture,
+                Err((at, what)) => {
+                    findings.warn(at, format!("{what}; there it is black"));
+                    continue;
+                }
             };
-            if !matches!(texture.kind(), "ImageTexture" | "PixelTexture") {
-                findings.warn(texture.at(), format!("{} cannot be the face of a cube; there it is black", texture.kind()));
-                continue;
-            }
             let pixels = self.pixels(texture, findings)?;
             let size @ [width, height] = pixels.size();
             if width != height {
@@ -188,10 +217,11 @@ impl<'b> Reader<'b> {
 
     /// The first of the addresses that there is and that can be read; of formats that are known and not read, the next one is tried.
     fn file(&mut self, node: NodeRef<'_>, findings: &mut Findings) -> Option<Pixels> {
-        let (at, urls) = (node.at_field("url"), node.mf_string("url"));
-        let mut refused = None;
-        for url in urls {
-            let Some((name, bytes)) = self.fetch(node, url.trim(), findings)? else { continue };
+        let at = node.at_field("url");
+        let (mut refused, mut tried) = (None, 0);
+        while let Some((number, target)) = address::next(self.bundle, node, tried, findings) {
+            tried = number + 1;
+            let (name, bytes) = self.fetch(target, at, findings)?;
             match self.decode(&name, &bytes, at, findings) {
                 Ok(pixels) => return Some(pixels),
                 Err(error @ PictureError::Container(_)) => refused = refused.or(Some((name, error))),
@@ -201,30 +231,27 @@ impl<'b> Reader<'b> {
                 }
             }
         }
-        let listed: Vec<&str> = urls.iter().map(AsRef::as_ref).take(5).collect();
         let message = match refused {
             Some((name, error)) => format!("the image `{name}` {error}"),
-            None if urls.is_empty() => format!("{} has no url", node.kind()),
-            None => format!("the image `{}` is not in the bundle; nothing is fetched from elsewhere", listed.join("`, `")),
+            None if node.mf_string("url").is_empty() => format!("{} has no url", node.kind()),
+            None => address::missing(node),
         };
         findings.error(at, message);
         None
     }
 
-    /// The name and the bytes of an address, nothing where the bundle has no such file; `None` where it cannot be read, which is then an error.
-    fn fetch(&self, node: NodeRef<'_>, url: &str, findings: &mut Findings) -> Option<Option<(String, Cow<'b, [u8]>)>> {
-        let (at, from) = (node.at_field("url"), node.file_of("url"));
-        if uri::is_data(url) {
-            let bytes = uri::data(&url[5..]).map_err(|message| findings.error(at, message)).ok()?;
-            return Some(Some(("data".to_owned(), bytes.into())));
+    /// The name and the bytes of a picture; `None` where it cannot be read, which is then an error.
+    fn fetch(&self, target: Target<'b, '_>, at: At<'_>, findings: &mut Findings) -> Option<(String, Cow<'b, [u8]>)> {
+        match target {
+            Target::Data(data) => {
+                let bytes = uri::data(data).map_err(|message| findings.error(at, message)).ok()?;
+                Some(("data".to_owned(), bytes.into()))
+            }
+            Target::File(path) => {
+                let bytes = self.bundle.read(path, limits::BUNDLE_BYTES).map_err(|problem| findings.push_error(problem)).ok()?;
+                Some((path.to_string(), bytes))
+            }
         }
-        let found = x3d::find(self.bundle, from, url);
-        let Some(Found::Exact(path) | Found::Near(path)) = found else { return Some(None) };
-        if let Some(Found::Near(_)) = found {
-            findings.warn(at, format!("the image `{url}` is not in the bundle; `{path}` is used instead"));
-        }
-        let bytes = self.bundle.read(path, limits::BUNDLE_BYTES).map_err(|problem| findings.push_error(problem)).ok()?;
-        Some(Some((path.to_string(), bytes)))
     }
 
     fn decode(&mut self, name: &str, bytes: &[u8], at: At<'_>, findings: &mut Findings) -> Result<Pixels, PictureError> {
@@ -232,20 +259,31 @@ impl<'b> Reader<'b> {
             return Err(PictureError::Container(container));
         }
         if picture::is_map(name, bytes) {
+            let [width, height] = picture::size(name, bytes)?;
+            self.count(width as u64 * height as u64)?;
             let mut picture = picture::decode(name, bytes)?;
-            self.count(picture.rgb.len() as u64)?;
             settle(&mut picture, at, findings);
             return Ok(Pixels::Linear(picture));
         }
-        // Before a pixel is decoded.
         let (width, height) = texture::size(name, bytes)?;
         self.count(u64::from(width) * u64::from(height))?;
         Ok(Pixels::Coded(texture::decode(name, bytes, Coding::Srgb, false)?.texture))
     }
 
+    /// Counts the pixels of a picture before one is decoded.
     fn count(&mut self, pixels: u64) -> Result<(), PictureError> {
         self.sum += pixels;
         if self.sum > limits::ENVIRONMENT_PIXELS { Err(PictureError::TooMany) } else { Ok(()) }
+    }
+}
+
+/// The texture of a face of a cube; where there is none, what is missing.
+fn face_of<'d>(cube: NodeRef<'d>, field: &str) -> Result<NodeRef<'d>, (At<'d>, String)> {
+    match cube.node(field) {
+        None => Err((cube.at(), format!("ComposedCubeMapTexture has no {field}"))),
+        Some(face) if is_empty(face) => Err((face.at(), format!("the {field} has no pixels"))),
+        Some(face) if matches!(face.kind(), "ImageTexture" | "PixelTexture") => Ok(face),
+        Some(other) => Err((other.at(), format!("{} cannot be the face of a cube", other.kind()))),
     }
 }
 

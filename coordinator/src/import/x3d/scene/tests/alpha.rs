@@ -122,3 +122,15 @@ fn a_texture_told_to_have_no_alpha_leaves_the_transparency() {
     assert_eq!(with_material(node("Material", []), vec![("texture", Child(blended))]).opacity.mode, AlphaMode::Blend);
     assert_eq!(with_material(node("Material", [half()]), vec![("alphaChannel", Text("NONE"))]).opacity, Opacity::OPAQUE);
 }
+
+/// `alphaChannel` is asked where `alphaMode` leaves it open.
+#[test]
+fn the_alpha_mode_comes_before_the_channel_of_a_texture() {
+    let mode = |word, channel| {
+        let texture = ("texture", Child(leaf().with("alphaChannel", Text(channel))));
+        with_material(node("Material", []), vec![("alphaMode", Text(word)), texture]).opacity.mode
+    };
+    let mask = AlphaMode::Mask { cutoff: 0.5 };
+    assert_eq!((mode("BLEND", "TEST"), mode("MASK", "BLENDING")), (AlphaMode::Blend, mask));
+    assert_eq!((mode("AUTO", "TEST"), mode("AUTO", "BLENDING"), mode("OPAQUE", "TEST")), (mask, AlphaMode::Blend, AlphaMode::Opaque));
+}

@@ -1,6 +1,13 @@
 //! A few hundred bytes may stand for millions of things: what that comes to is counted before it is made.
 
 use super::*;
+use crate::import::{
+    findings::Findings,
+    x3d::{
+        scene::{environment::MOST, walk::World},
+        testing::classic,
+    },
+};
 
 /// A node that stands 2^levels times in this group.
 fn many(name: &str, node: &str, levels: u32) -> String {
@@ -60,4 +67,29 @@ fn layers_and_coordinate_sets_have_a_number_that_counts() {
     for said in ["more than 16 textures; the first 16 count", "became automatic: 13, the first here"] {
         assert!(warnings.iter().any(|w| w.contains(said)), "{warnings:?}");
     }
+}
+
+/// What is passed over costs time like what is visited.
+#[test]
+fn hidden_entries_of_lists_are_counted_too() {
+    let groups = "Group { } ".repeat(1000);
+    for node in [
+        format!("LayerSet {{ order 1001 layers [ {} ] }}", "Layer { } ".repeat(1000)),
+        format!("LayerSet {{ order [ {} ] }}", "7 ".repeat(1000)),
+        format!("CADLayer {{ visible [ {} ] children [ {groups} ] }}", "FALSE ".repeat(1000)),
+        format!("Switch {{ whichChoice 999 children [ {groups} ] }}"),
+    ] {
+        let found = error(&many("N", &node, 11));
+        assert!(found.contains("stands for more than 1048576 nodes"), "{found}: {}", &node[..20]);
+    }
+}
+
+/// One more than may be is enough to know.
+#[test]
+fn environments_beyond_those_that_count_are_not_kept() {
+    let document = classic(&many("E", "EnvironmentLight { }", 10)).clean();
+    let mut findings = Findings::default();
+    assert_eq!(World::of(&document, &mut findings).environments.len(), MOST + 1);
+    let document = classic("EnvironmentLight { on FALSE } EnvironmentLight { }").clean();
+    assert_eq!(World::of(&document, &mut findings).environments.len(), 1);
 }

@@ -2,7 +2,7 @@
 
 use super::{Node, Value::*, *};
 use kiln_proto::{
-    scene::{AlphaMode, LayerMode, Lobe, Phong, Reflection},
+    scene::{AlphaMode, LayerMode, Lobe, Mapping, Phong, Reflection},
     units::Rgb,
 };
 
@@ -89,6 +89,31 @@ fn x3doms_common_surface_shader_is_a_material() {
     assert_eq!((found.diffuse, found.specular, found.lobe), (Rgb::new(0.25, 0.5, 0.125), Rgb::splat(0.1), Lobe::Phong { exponent: 8.0 }));
     assert_eq!((material.emission, material.opacity.mode, material.opacity.factor), (Rgb::new(0.0, 0.0, 2.0), AlphaMode::Blend, 0.75));
     assert_eq!((found.layers.len(), &scene.textures[0].texels[..]), (1, &[128, 128, 128][..]));
+}
+
+/// The number of the coordinates stands in the node around the texture.
+#[test]
+fn wrapped_textures_take_the_coordinates_that_they_name() {
+    let pixel = node("PixelTexture", [("image", One("1 1 3 0x808080"))]);
+    let wrapped = node("SurfaceShaderTexture", [("texture", Child(pixel)), ("textureCoordinatesId", One("1")), ("channelMask", Text("A"))]);
+    let shader = node("CommonSurfaceShader", [("diffuseTexture", Child(wrapped))]);
+    let set = |points| node("TextureCoordinate", [("point", Many(points))]);
+    let sets = Children(vec![set("0 0 1 0 0 1"), set("0 0 2 0 0 2")]);
+    let face = node(
+        "IndexedFaceSet",
+        [
+            ("coordIndex", Many("0 1 2 -1")),
+            ("coord", Child(node("Coordinate", [("point", Many("0 0 0 1 0 0 0 1 0"))]))),
+            ("texCoord", Child(node("MultiTextureCoordinate", [("texCoord", sets)]))),
+        ],
+    );
+    let appearance = node("Appearance", [("shaders", Children(vec![shader]))]);
+    let shape = node("Shape", [("appearance", Child(appearance)), ("geometry", Child(face))]);
+    for (name, text) in files(&[node("PointLight", []), shape]) {
+        let (scene, warnings) = import(name, &text, &ImportOptions::default()).unwrap();
+        assert_eq!(phong(&scene).layers[0].texture.mapping, Mapping::Uv { set: 1 });
+        assert!(warnings.iter().any(|w| w.contains("channelMask, which is not supported: all channels are used: 1, here")), "{warnings:?}");
+    }
 }
 
 /// X3DOM's PhysicalMaterial has the names of glTF.

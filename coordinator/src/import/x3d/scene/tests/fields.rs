@@ -216,3 +216,13 @@ fn a_light_that_is_not_global_shines_on_its_group_only() {
     let unlit: Vec<_> = scene.surfaces.iter().map(|s| s.parts[0].unlit_by.clone()).collect();
     assert_eq!(unlit, [vec![], vec![0]]);
 }
+
+#[test]
+fn a_light_that_is_none_is_an_error_once_however_many_ask_for_it() {
+    let bad = node("SpotLight", [("cutOffAngle", One("4"))]).def("Lamp");
+    let mut roots = vec![shape(vec![("receiveShadows", Children(vec![bad]))])];
+    roots.extend((0..3).map(|_| shape(vec![("receiveShadows", Uses("SpotLight", "Lamp"))])));
+    for errors in refusals(&roots) {
+        assert_eq!(errors, ["SpotLight has the cutOffAngle 4; it lies in (0, pi/2]"]);
+    }
+}

@@ -142,3 +142,16 @@ fn tangents_of_an_inlined_file_stand_as_it_stands() {
     assert_eq!(first(0), [[0.6, 0.8, 0.0, 1.0], [1.0, 0.0, 0.0, 1.0], [1.0, 0.0, 0.0, 1.0]]);
     assert_eq!(first(1), [[-0.6, 0.8, 0.0, -1.0], [-1.0, 0.0, 0.0, -1.0], [-1.0, 0.0, 0.0, -1.0]]);
 }
+
+/// Two scales that are numbers come to one that is none.
+#[test]
+fn an_inlined_file_that_becomes_infinite_is_an_error_with_its_line() {
+    let main = "#X3D V3.3 utf8\nPointLight { }\nTransform { scale 1e38 1e38 1e38 children\nTransform { scale 10 10 10 children\n  \
+                Inline { url \"chair.obj\" } } }\n";
+    let errors = import_files(&[("a.x3dv", main.as_bytes()), ("chair.obj", TRIANGLE), ("m.mtl", WOOD)], &ImportOptions::default());
+    let errors = errors.unwrap_err();
+    assert!(
+        errors.len() == 1 && errors[0].starts_with("a.x3dv:5: ") && errors[0].contains("`chair.obj` becomes infinitely large"),
+        "{errors:?}"
+    );
+}

@@ -130,3 +130,89 @@ fn viewpoints_beyond_the_cameras_project_from_where_they_stand() {
     let found = look_up(&import("a.x3dv", &text, &ImportOptions::default()).unwrap().0, [1.0, -1.0, 0.0]);
     assert!((found[0] - 0.75).abs() < 1e-5 && (found[1] - 0.25).abs() < 1e-5, "{found:?}");
 }
+
+fn refused(projector: Node, wanted: &str) {
+    for errors in refusals(&projected(projector)) {
+        assert!(errors.iter().any(|e| e.contains(wanted)), "{wanted} is not in {errors:?}");
+    }
+}
+
+#[test]
+fn viewpoints_that_project_are_checked_as_lights_are() {
+    for extent in ["0 -1 0 1", "1 -1 -1 1", "-1 1 1 1", "-1 1 1 -1"] {
+        refused(
+            node("OrthoViewpoint", [("fieldOfView", Many(extent))]),
+            &format!("OrthoViewpoint has the fieldOfView {extent}; it is left"),
+        );
+    }
+    refused(node("Viewpoint", [("projectionNear", One("-1"))]), "Viewpoint has the projectionNear -1");
+    refused(node("Viewpoint", [("projectionFar", One("-0.5"))]), "Viewpoint has the projectionFar -0.5");
+    refused(node("Viewpoint", [("projectionNear", One("3")), ("projectionFar", One("3"))]), "not below projectionFar 3");
+}
+
+/// Nobody wrote a far end: it is found, and gives way.
+#[test]
+fn a_near_end_beyond_the_far_one_that_was_found_is_said_of_lights_and_viewpoints() {
+    for kind in ["Viewpoint", "OrthoViewpoint", "SpotLight", "DirectionalLight"] {
+        for (name, text) in files(&projected(node(kind, [("projectionNear", One("1000"))]))) {
+            let (scene, warnings) = import(name, &text, &ImportOptions::default()).unwrap();
+            assert!(
+                warnings.iter().any(|w| w.contains("projectionNear 1000 beyond") && w.contains("2000 is used")),
+                "{kind}: {warnings:?}"
+            );
+            assert_eq!(scene.projectors.len(), 1);
+        }
+    }
+}
+
+#[test]
+fn depths_and_rectangles_of_viewpoints_are_as_large_as_their_group() {
+    let depth = |scene: &Scene, z: f32| {
+        let [.., r, q] = scene.projectors[0].matrix.map(|r| r[2] * z + r[3]);
+        r / q
+    };
+    let common = [("position", One("0 0 2")), ("projectionNear", One("0.5")), ("projectionFar", One("2"))];
+    for (kind, view) in [("Viewpoint", One("1.5707963")), ("OrthoViewpoint", Many("-1 -1 1 1"))] {
+        let inner = node(kind, common.clone()).with("fieldOfView", view).def("View");
+        let mut roots = vec![node("Viewpoint", [])];
+        roots.push(node("Transform", [("scale", One("2 2 2")), ("children", Children(vec![inner.clone()]))]));
+        let mut rest = projected(inner);
+        if let Some((_, Child(geometry))) = rest[1].fields.last_mut() {
+            geometry.fields.pop();
+            let coordinate = node("ProjectedTextureCoordinate", [("projector", Use(kind, "View"))]);
+            geometry.fields.push(("texCoord", Child(coordinate)));
+        }
+        roots.append(&mut rest);
+        let scene = scene_of(&roots);
+        // The eye stands at 4, near lies 1 m and far 4 m before it.
+        assert!(depth(&scene, 3.0).abs() < 1e-5 && (depth(&scene, 0.0) - 1.0).abs() < 1e-5, "{kind}");
+        if kind == "OrthoViewpoint" {
+            assert!((look_up(&scene, [2.0, -2.0, 0.0])[0] - 1.0).abs() < 1e-5);
+            assert_eq!(scene.cameras[1].lens, kiln_proto::scene::Lens::Orthographic { half_height: 2.0 });
+        }
+    }
+}
+
+/// The field of the material is not empty, so the appearance's texture is no colour of the shape.
+#[test]
+fn a_texture_that_colours_a_light_lets_no_other_take_its_place() {
+    for (material, field, mapping) in [
+        ("Material", "diffuseTexture", "diffuseTextureMapping"),
+        ("PhysicalMaterial", "baseTexture", "baseTextureMapping"),
+        ("UnlitMaterial", "emissiveTexture", "emissiveTextureMapping"),
+    ] {
+        let mut roots = in_the_material(node("SpotLight", [("location", One("0 0 2"))]), material, field);
+        let [(_, Child(appearance)), (_, Child(geometry))] = &mut roots[1].fields[..] else { panic!() };
+        appearance.fields.push(("texture", Child(node("PixelTexture", [("image", One("1 1 4 0x11223380"))]))));
+        let [(_, Child(material))] = &mut appearance.fields[..1] else { panic!() };
+        material.fields.push((mapping, Text("beam")));
+        let (_, Child(beam)) = geometry.fields.pop().unwrap() else { panic!() };
+        let plain = node("TextureCoordinate", [("point", Many("0 0 1 0 1 1 0 1"))]);
+        let both = Children(vec![plain, beam.with("mapping", Text("beam"))]);
+        geometry.fields.push(("texCoord", Child(node("MultiTextureCoordinate", [("texCoord", both)]))));
+        let options = ImportOptions { x3d_projectors: ProjectorMode::Light, ..ImportOptions::default() };
+        let scene = scene_with(&roots, &options);
+        assert!(scene.lights[1].texture.is_some(), "{field}");
+        assert_eq!(scene.materials[0].textures().count(), 0, "{field}: neither its colour nor its opacity");
+    }
+}

@@ -108,3 +108,77 @@ fn pictures_with_radiance_are_read_from_the_bundle() {
         assert!(imported.warnings.iter().any(|w| w.message.contains("`EnvironmentLight` gives way")), "{:?}", imported.warnings);
     }
 }
+
+#[test]
+fn an_empty_face_is_a_missing_one() {
+    let empty = || Child(node("PixelTexture", []));
+    let rest = FACES[1..].iter().map(|(field, image, ..)| (*field, pixel(image)));
+    let cube = node("ComposedCubeMapTexture", rest.chain([("frontTexture", empty())]));
+    let map = environment(under(cube.clone()));
+    assert!(is(seen(&map, [0.0, 0.0, -1.0]), BLACK) && is(seen(&map, [0.0, 0.0, 1.0]), [0.0, 1.0, 0.0]));
+    warned(under(cube), "the frontTexture has no pixels; there it is black");
+    let nothing = light([("specularTexture", empty())]);
+    assert!(scene_of(&[nothing.clone(), shape(vec![])]).environment.is_none());
+    warned(nothing, "PixelTexture has no pixels; the EnvironmentLight was left out");
+}
+
+/// What is skipped was named; of the empty node in its place nothing is said.
+#[test]
+fn a_texture_that_stands_in_for_another_is_passed_over() {
+    let film = node("MovieTexture", [("url", Texts(&["a.mpg"]))]);
+    let textures = Children(vec![film, node("PixelTexture", [("image", One("1 1 3 0x808080"))])]);
+    let root = shape(vec![("texture", Child(node("MultiTexture", [("texture", textures)])))]);
+    let said = warnings(&[root, light([])], &ImportOptions::default());
+    assert!(said.iter().any(|w| w.contains("`MovieTexture` is not supported")), "{said:?}");
+    assert!(!said.iter().any(|w| w.contains("has no pixels")), "{said:?}");
+}
+
+/// One light in five places: its picture is read once, and what is odd about it is said once.
+#[test]
+fn a_light_that_stands_in_many_places_is_read_once() {
+    let sky = node("ImageTexture", [("url", Texts(data(4, &[[255; 3]; 8]))), ("flipVertically", One("TRUE"))]);
+    let place = |turn: &'static str, light: Value| node("Transform", [("rotation", One(turn)), ("children", light)]);
+    let mut roots = vec![place("0 1 0 0", Children(vec![under(sky).def("Sky")]))];
+    roots.extend((0..3).map(|_| place("0 1 0 0", Uses("EnvironmentLight", "Sky"))));
+    roots.extend([place("1 0 0 3.141592653589793", Uses("EnvironmentLight", "Sky")), shape(vec![])]);
+    let said = warnings(&roots, &ImportOptions::default());
+    assert!(said.iter().any(|w| w.contains("flipVertically was not used in pictures of an environment: 1, here")), "{said:?}");
+    let map = scene_of(&roots).environment.unwrap();
+    assert!(map.rgb.iter().all(|texel| is(*texel, [5.0; 3])), "{map:?}");
+    // And one that cannot be read is one error.
+    let gone = under(node("ImageTexture", [("url", Texts(&["gone.png"]))])).def("Gone");
+    let roots = [place("0 1 0 0", Children(vec![gone])), place("0 1 0 0", Uses("EnvironmentLight", "Gone")), shape(vec![])];
+    for errors in refusals(&roots) {
+        assert_eq!(errors.len(), 1, "{errors:?}");
+    }
+}
+
+/// The name says HDR, the bytes say PNG.
+#[test]
+fn pictures_are_known_by_their_bytes_whatever_they_are_called() {
+    let png = BASE64_STANDARD.decode(data(4, &PANORAMA)[0].rsplit(',').next().unwrap()).unwrap();
+    for name in ["front.pic", "sky.hdr"] {
+        let root = under(node("ImageTexture", [("url", Texts(Box::leak(Box::new([name]))))]));
+        for (main, text) in files(&[root, shape(vec![])]) {
+            let scene = import_files(&[(main, text.as_bytes()), (name, &png)], &ImportOptions::default()).unwrap().0;
+            assert_eq!(scene.environment.unwrap().rgb[3], RED, "{name} in {main}");
+        }
+    }
+}
+
+/// What the options replace is not read, and so cannot be at fault.
+#[test]
+fn an_environment_that_gives_way_refuses_nothing() {
+    let image = Rgb32FImage::from_pixel(4, 2, image::Rgb([4.0, 2.0, 0.5]));
+    let mut bytes = Cursor::new(vec![]);
+    DynamicImage::from(image).write_to(&mut bytes, ImageFormat::Hdr).unwrap();
+    let options = ImportOptions { environment: Some("SKY.hdr".into()), ..ImportOptions::default() };
+    let root = under(node("ImageTexture", [("url", Texts(&["gone.png"]))])).with("intensity", One("-1")).def("Own");
+    for (main, text) in files(&[root, shape(vec![])]) {
+        let (scene, warnings) = import_files(&[(main, text.as_bytes()), ("sky.hdr", bytes.get_ref())], &options).unwrap();
+        assert_eq!(scene.environment.unwrap().name, "sky.hdr");
+        assert!(warnings.iter().any(|w| w.starts_with(&format!("{main}:")) && w.contains("`Own` gives way")), "{warnings:?}");
+        let near = "the environment `SKY.hdr` is not in the bundle; `sky.hdr` is used instead";
+        assert!(warnings.iter().any(|w| w.contains(near)), "{warnings:?}");
+    }
+}
