@@ -10,8 +10,8 @@ uniform int lfThetaFastest;  // 1 where the walk along directions visits inclina
 float lfCover = 0.0;
 
 const float LF_PI = 3.14159265358979;
-// Light is cut here as it is written: half floats end at 65,504, and infinity under what covers all is no number. The environment and three panes of
-// glass that are as bright themselves add up to less.
+// Light is cut here as it is written: half floats end at 65,504, and infinity under what covers all is no number. The environment and three
+// panes of glass that are as bright themselves add up to less.
 const float LF_BRIGHTEST = 16000.0;
 
 float lfLinear( float s ) { return s <= 0.04045 ? s / 12.92 : pow( ( s + 0.055 ) / 1.055, 2.4 ); }
@@ -19,8 +19,8 @@ vec3 lfLinear( vec3 s ) { return vec3( lfLinear( s.r ), lfLinear( s.g ), lfLinea
 float lfCoded( float l ) { return l <= 0.0031308 ? l * 12.92 : 1.055 * pow( l, 1.0 / 2.4 ) - 0.055; }
 vec3 lfCoded( vec3 l ) { l = clamp( l, 0.0, 1.0 ); return vec3( lfCoded( l.r ), lfCoded( l.g ), lfCoded( l.b ) ); }
 
-// Four directions of the spherical grid around `w`, as depths, with their weights. Azimuth wraps; above the first ring lies the same ring at
-// phi + 180 degrees; below the last ring, and below the horizon, the last ring counts.
+// Four directions of the spherical grid around `w`, as depths, with their weights. Azimuth wraps; above the first ring lies the same ring
+// at phi + 180 degrees; below the last ring, and below the horizon, the last ring counts.
 void lfStencil( vec3 w, out ivec4 depth, out vec4 weight ) {
 	float across = length( w.xy );
 	float v = atan( across, max( w.z, 0.0 ) ) * ( 2.0 / LF_PI ) * float( lfGrid.x ) - 0.5;

@@ -1,5 +1,5 @@
-// Texels that are not baked yet: direct light from a few lights and points of the lamps, without shadows, on the material's diffuse part. It is
-// there within a frame of the scene's arrival and gone texel by texel; hatching says that it is no result.
+// Texels that are not baked yet: direct light from a few lights and points of the lamps, without shadows, on the material's diffuse part.
+// It is there within a frame of the scene's arrival and gone texel by texel; hatching says that it is no result.
 
 const int LF_DRAFT_LIGHTS = 16;
 const int LF_PARTS_A_ROW = 512;

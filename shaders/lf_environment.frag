@@ -1,5 +1,5 @@
-// Radiance of the environment, a lat-long map as `proto::scene::Environment` has it: the middle of the picture lies toward +X, its right half toward +Z,
-// row 0 straight down. `lf_common` comes before it.
+// Radiance of the environment, a lat-long map as `proto::scene::Environment` has it: the middle of the picture lies toward +X, its right
+// half toward +Z, row 0 straight down. `lf_common` comes before it.
 
 uniform highp sampler2D lfEnvironment;  // half-float: radiance x 2^stops
 uniform float lfTurns;                  // by which it is turned about +Y

@@ -1,5 +1,5 @@
-// Scheme `mean`: the cosine-weighted mean of the hemisphere (radiosity over pi), one value a texel: all that a lightmap would hold. It is the
-// view "diffuse only", exact on diffuse surfaces, and what surfaces fall back to that do not fit into the memory budget.
+// Scheme `mean`: the cosine-weighted mean of the hemisphere (radiosity over pi), one value a texel: all that a lightmap would hold. It is
+// the view "diffuse only", exact on diffuse surfaces, and what surfaces fall back to that do not fit into the memory budget.
 
 uniform highp sampler2D lfMean;  // half-float: linear radiance in units of 2^-stops, weighted by alpha
 

@@ -1,7 +1,7 @@
 // Radiance of a baked surface toward the eye. `lf_common`, one scheme, `lf_draft` and `lf_cover` come before it.
 
-// 0: for the screen, sRGB-coded; 1: linear radiance x 2^stops, and the chart's number; 2: what is looked up: uv, w.xy; 3: as on the screen, but linear,
-// for pictures that are blended.
+// 0: for the screen, sRGB-coded; 1: linear radiance x 2^stops, and the chart's number; 2: what is looked up: uv, w.xy; 3: as on the screen,
+// but linear, for pictures that are blended.
 uniform int lfOutput;
 uniform float lfExposure;     // the viewer's factor on radiance
 uniform float lfTexelGrid;    // 1 draws lines along texel borders
@@ -44,7 +44,8 @@ float lfGridLines( vec2 g ) {
 	return max( line.x, line.y ) * ( 1.0 - smoothstep( 0.12, 0.35, max( width.x, width.y ) ) );
 }
 
-// As it is displayed, in linear light: what is too bright for a display, if not for half floats, is cut when all that is seen has been added up.
+// As it is displayed, in linear light: what is too bright for a display, if not for half floats, is cut when all that is seen has been
+// added up.
 vec3 lfShade( vec3 radiance ) {
 	vec3 light = radiance * lfExposure;
 	if ( lfTexelGrid <= 0.0 ) return light;

@@ -1,4 +1,5 @@
 // A baked surface. Everything is in the object's space, the space that it was baked in: the eye is brought there, not the light out of it.
+// `lf_cover_vertex` comes before it.
 
 uniform mat4 modelMatrix;
 uniform mat4 modelViewMatrix;
@@ -11,13 +12,6 @@ in vec3 tangent;
 in vec2 uv;
 in float chart;
 in float part;
-#ifdef LF_COVER
-in vec4 coverAt;
-in vec3 alphaAt;
-in vec3 passingAt;
-in vec3 roughnessAt;
-in vec3 tintAt;
-#endif
 
 centroid out vec2 vUv;
 centroid out vec3 vPosition;
@@ -26,13 +20,6 @@ out vec3 vNormal;
 out vec3 vTangent;
 flat out float vChart;
 flat out float vPart;
-#ifdef LF_COVER
-centroid out vec4 vCoverAt;
-centroid out vec3 vAlphaAt;
-centroid out vec3 vPassingAt;
-centroid out vec3 vRoughnessAt;
-centroid out vec3 vTintAt;
-#endif
 
 // The depth pre-pass must find the very depths that this shader does.
 invariant gl_Position;
@@ -46,11 +33,7 @@ void main() {
 	vChart = chart;
 	vPart = part;
 #ifdef LF_COVER
-	vCoverAt = coverAt;
-	vAlphaAt = alphaAt;
-	vPassingAt = passingAt;
-	vRoughnessAt = roughnessAt;
-	vTintAt = tintAt;
+	lfPassCover();
 #endif
 	gl_Position = projectionMatrix * modelViewMatrix * vec4( position, 1.0 );
 }

@@ -1,5 +1,5 @@
-// Four entries into one folder: the farm's dashboard, the page of a job, the page that `kiln fetch --with-viewer` exports, and the library by
-// itself under a name that does not change. URLs are relative, so that the folder works under any path of any web server.
+// Four entries into one folder: the farm's dashboard, the page of a job, the page that `kiln fetch --with-viewer` exports, and the library
+// by itself under a name that does not change. URLs are relative, so that the folder works under any path of any web server.
 import { resolve } from 'node:path';
 import { defineConfig } from 'vite';
 

@@ -1,5 +1,5 @@
-// The library as a package: `kiln-viewer.js` with three left out, so that a page has one three.js, its own. Everything else, the decoding worker among
-// it, is in the folder.
+// The library as a package: `kiln-viewer.js` with three left out, so that a page has one three.js, its own. Everything else, the decoding
+// worker among it, is in the folder.
 import { resolve } from 'node:path';
 import { defineConfig } from 'vite';
 

@@ -1,4 +1,6 @@
-/** One job of the dashboard's list. Made once and updated in place: a list that is built anew every two seconds would take the focus away. */
+/**
+ * One job of the dashboard's list. Made once and updated in place: a list that is built anew every two seconds would take the focus away.
+ */
 
 import { serviceUrl } from '../live/http.ts';
 import { type JobRecord, isFinal, problemText } from '../live/records.ts';

@@ -1,4 +1,6 @@
-/** Throughput over time: a curve for rays and one for texels, each with its own scale, and the same as a table for who does not see curves. */
+/**
+ * Throughput over time: a curve for rays and one for texels, each with its own scale, and the same as a table for who does not see curves.
+ */
 
 import type { Throughput } from '../live/records.ts';
 import { el, setText, svg } from '../ui/dom.ts';

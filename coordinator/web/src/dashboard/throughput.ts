@@ -28,7 +28,10 @@ export function series({ interval_ms, points }: Throughput, figure: Figure, now:
   return values;
 }
 
-/** Each bucket's mean with those of the half minute before it: workers tell their rays with every heartbeat, which is less often than a bucket. */
+/**
+ * Each bucket's mean with those of the half minute before it: workers tell their rays with every heartbeat, which is less often than a
+ * bucket.
+ */
 export function smooth(values: readonly number[], intervalMs: number): number[] {
   const width = Math.max(1, Math.round(SMOOTH_MS / intervalMs));
   let sum = 0;

@@ -2,9 +2,9 @@
  * Which scheme each surface gets under a budget of texture memory.
  *
  * Expanded samples draw an order of magnitude faster than streams and take several times their memory; the mean alone takes almost nothing
- * and does not move with the camera. Every surface starts at the cheapest scheme, and what is left of the budget buys first streams for all,
- * then expansions, the cheapest step first: most surfaces end at the best scheme. Weighing by area on the screen was tried on paper and left
- * out: a scheme that changes as the camera moves costs more than it saves.
+ * and does not move with the camera. Every surface starts at the cheapest scheme, and what is left of the budget buys first streams for
+ * all, then expansions, the cheapest step first: most surfaces end at the best scheme. Weighing by area on the screen was tried on paper
+ * and left out: a scheme that changes as the camera moves costs more than it saves.
  */
 
 import type { Scheme } from '../viewer/api.ts';
@@ -14,8 +14,10 @@ export type Costs = Record<Scheme, number | null>;
 
 const RANK: Scheme[] = ['mean', 'streamed', 'expanded'];
 
-/** The scheme of each surface, null where none is possible. `wanted` forces one whatever the budget; a surface that cannot have it gets what it would have
- * had by itself. */
+/**
+ * The scheme of each surface, null where none is possible. `wanted` forces one whatever the budget; a surface that cannot have it gets what
+ * it would have had by itself.
+ */
 export function fitBudget(costs: Costs[], budget: number, wanted: 'auto' | Scheme): (Scheme | null)[] {
   if (wanted !== 'auto') {
     const auto = fitBudget(costs, budget, 'auto');

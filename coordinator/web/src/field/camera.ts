@@ -2,8 +2,8 @@
  * Where to look from when nobody has said: the same rule as `kiln render`, so that page and picture agree.
  *
  * The eye stands off the centre of the bounds, in one of sixteen directions, where the fronts of most area face it (a room is looked into
- * through its open side); far enough that the bounding sphere fits. What hides what is not asked: it would take rays, and the winner is seldom
- * another.
+ * through its open side); far enough that the bounding sphere fits. What hides what is not asked: it would take rays, and the winner is
+ * seldom another.
  */
 
 import type { Vec3 } from '../format/bytes.ts';

@@ -28,7 +28,7 @@ function coverOf(materials: Material[], colours: number[] | null = null, matrix?
   const channels = {
     alpha: { ...size, each: 1, srgb: false, bytes: Uint8Array.of(255, 0) }, colour: { ...size, each: 4, srgb: false, bytes: Uint8Array.of(255, 51, 255, 255, 255, 255, 0, 255) },
   };
-  const texture = { name: 't', mean: { colour: [1, 0.6, 0.5], alpha: 0.5 }, channels };
+  const texture = { name: 't', mean: { colour: [1, 0.6, 0.5], alpha: 0.5 }, least: [1, 0.2, 0], channels };
   const surface = {
     name: 's', parts: materials.map((_, i) => ({ name: 'p', material: i, end: i + 1 })), uvSets: new Map([[0, Float32Array.from(each([0, 0, 1, 0, 0, 1]))]]),
     colours: colours && Float32Array.from(each(colours)),
@@ -112,6 +112,9 @@ describe('clear glass', () => {
     const cover = only({ roughness: 0.1, metallic: 1, metallicRoughness: ref() });
     expect(cover.covers[0]).toMatchObject({ glass: { roughness: 0.1, metallic: 1 }, textures: { roughness: { channel: 'colour' }, transmission: null, tint: null } });
     expect([...cover.lookUps.roughness!.subarray(0, 6)]).toEqual([0, 0, 1, 1, 0, 1]);
+    // At most 0.2 times as rough, and no metal somewhere.
+    expect(coverOf([material({ transmission: glass({ roughness: 0.16, metallicRoughness: ref() }) })]).cover).toBeNull();
+    expect(coverOf([material({ transmission: glass({ roughness: 0.15, metallic: 1, metallicRoughness: ref() }) })]).cover).not.toBeNull();
   });
 
   it('tints with its colour, vertex colours and texture; with a stack of textures at its mean', () => {

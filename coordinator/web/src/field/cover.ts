@@ -1,14 +1,14 @@
 /**
- * What shows through a surface: masks, blends and clear glass (docs/preview.md). Light fields say what a surface sends out itself; how much of what lies
- * behind is added to it is decided when it is drawn.
+ * What shows through a surface: masks, blends and clear glass (docs/preview.md). Light fields say what a surface sends out itself; how much
+ * of what lies behind is added to it is decided when it is drawn.
  *
- * Texture coordinates are brought to the corners here, those of a projector with their divisor: the shader looks up in one way, whatever they come from.
- * Coordinate sets as attributes of their own would be as many as a material has textures.
+ * Texture coordinates are brought to the corners here, those of a projector with their divisor: the shader looks up in one way, whatever
+ * they come from. Coordinate sets as attributes of their own would be as many as a material has textures.
  */
 
 import type { Vec3 } from '../format/bytes.ts';
 import type { Container } from '../format/container.ts';
-import { LEAST_ALPHA, type Material, type TextureRef, type Wrap, mayBeClear } from '../format/material.ts';
+import { type Material, type TextureRef, type Wrap, mayBeClear } from '../format/material.ts';
 import { type CoverTexture, type CoverTextures, type Scene, type SceneSurface, coverTextures } from '../format/scene.ts';
 import type { Channel, ChannelName } from '../format/texture.ts';
 import { meanColour } from './draft.ts';
@@ -39,6 +39,9 @@ export interface Glass {
   tinted: boolean;
 }
 
+/** What is looked up to find what shows through. */
+export type LookUp = keyof CoverTextures;
+
 /** Triangles of a surface that are drawn alike. */
 export interface Cover {
   /** Whether what lies behind is mixed in; else it is seen or not. */
@@ -46,7 +49,7 @@ export interface Cover {
   /** Opacity below it is none, from it on it is whole; null for opacity that counts as it is. */
   cutoff: number | null;
   /** What is looked up; null for what is not, or says nothing. */
-  textures: Record<keyof CoverTextures, Sampled | null>;
+  textures: Record<LookUp, Sampled | null>;
   /** null where nothing goes through but past the opacity. */
   glass: Glass | null;
   triangles: Uint32Array;
@@ -62,16 +65,18 @@ export interface SurfaceCover {
   /** Four numbers a vertex: colour of what glass lets through and opacity, both before textures. */
   at: Float32Array;
   /** Three numbers a vertex for each look-up that some of its covers have: u q, v q, q. */
-  lookUps: Partial<Record<keyof CoverTextures, Float32Array>>;
+  lookUps: Partial<Record<LookUp, Float32Array>>;
 }
-
-const LOOK_UPS = ['opacity', 'transmission', 'roughness', 'tint'] as const satisfies (keyof CoverTextures)[];
 
 /** Null for a surface that covers all. */
 export function surfaceCover({ scene }: Container, index: number, geometry: SurfaceGeometry): SurfaceCover | null {
   const surface = scene.surfaces[index];
   const vertices = vertexColours(surface);
-  const kinds = surface.parts.map((part) => kindOf(scene, vertices, scene.materials[part.material]));
+  const ofMaterial = new Map<number, Kind | null>();
+  for (const { material } of surface.parts) {
+    if (!ofMaterial.has(material)) ofMaterial.set(material, kindOf(scene, vertices, scene.materials[material]));
+  }
+  const kinds = surface.parts.map(({ material }) => ofMaterial.get(material) ?? null);
   if (kinds.every((kind) => kind === null)) return null;
   const groups = new Map<string, { kind: Kind; triangles: number[] }>();
   const opaque: number[] = [];
@@ -105,7 +110,7 @@ function vertexColours({ colours }: SceneSurface): { fade: boolean; tint: boolea
 function kindOf(scene: Scene, vertices: { fade: boolean; tint: boolean }, material: Material): Kind | null {
   const { opacity } = material;
   const mask = opacity.mode === 'mask';
-  const looked = coverTextures(material);
+  const looked = coverTextures(material, scene.textures);
   const glass = glassOf(scene, material, looked, vertices.tint);
   const sampled = (it: CoverTexture | null): Sampled | null =>
     it && scene.textures[it.ref.texture].channels[it.channel]
@@ -123,12 +128,14 @@ function kindOf(scene: Scene, vertices: { fade: boolean; tint: boolean }, materi
   return { blended: glass !== null || opacity.mode === 'blend', cutoff: mask ? opacity.cutoff : null, textures, glass };
 }
 
-/** Null for what is clear nowhere: rough, metal or black. Textures of the reflection are taken at their mean, which few would tell from the truth. */
+/**
+ * Null for what is clear nowhere: rough, metal or black. Textures of the reflection are taken at their mean, which few would tell from the
+ * truth.
+ */
 function glassOf(scene: Scene, material: Material, looked: CoverTextures, tintedVertices: boolean): Glass | null {
   const { transmission: t } = material;
   const [r, g, b] = meanColour(scene, material);
-  if (!t || !mayBeClear(material) || t.metallic * least(scene, looked.roughness, 2) >= 1 || Math.max(r, g, b) <= 0) return null;
-  if ((t.roughness * least(scene, looked.roughness, 1)) ** 2 >= LEAST_ALPHA) return null;
+  if (!t || !mayBeClear(material, scene.textures) || Math.max(r, g, b) <= 0) return null;
   const mean = (ref: TextureRef | null) => (ref ? scene.textures[ref.texture].mean : { colour: [1, 1, 1], alpha: 1 });
   const { colour } = mean(t.reflectanceTexture);
   return {
@@ -141,20 +148,11 @@ function glassOf(scene: Scene, material: Material, looked: CoverTextures, tinted
   };
 }
 
-/** The least value of a channel of a texture, 1 without one. */
-function least({ textures }: Scene, it: CoverTexture | null, channel: number): number {
-  const bytes = it && textures[it.ref.texture].channels[it.channel]?.bytes;
-  if (!bytes) return 1;
-  let out = 255;
-  for (let i = channel; i < bytes.length; i += 4) out = Math.min(out, bytes[i]);
-  return out / 255;
-}
-
 function writeVertices(
   out: SurfaceCover, scene: Scene, surface: SceneSurface, material: Material, kind: Kind, positions: Float32Array, from: number, end: number,
 ): void {
   const { opacity, colour } = material;
-  const looked = coverTextures(material);
+  const looked = coverTextures(material, scene.textures);
   // What is not looked up is at its mean; vertex colours count once for all.
   const base = looked.tint ? colour : meanColour(scene, material);
   const solid = opacity.mode === 'opaque';
@@ -162,7 +160,7 @@ function writeVertices(
     const [r, g, b, a] = surface.colours?.subarray(v * 4, v * 4 + 4) ?? [1, 1, 1, 1];
     out.at.set([base[0] * r, base[1] * g, base[2] * b, solid ? 1 : opacity.factor * a], v * 4);
   }
-  for (const name of LOOK_UPS) {
+  for (const name of Object.keys(looked) as LookUp[]) {
     const it = looked[name];
     if (!it || !kind.textures[name]) continue;
     const places = (out.lookUps[name] ??= new Float32Array((out.at.length / 4) * 3));

@@ -1,7 +1,8 @@
 /**
- * Which texels are covered, as docs/formats.md says: those whose centre lies on a triangle, and those that the tip of a narrow chart reaches
- * into between all centres. Triangles without area, in the world or in the texture, do not count. Asked for one texel at a time, so that nothing is
- * kept for it: one pass over the triangles, most of which their boxes rule out. `proto::texel` is the same in Rust, in the same order of operations.
+ * Which texels are covered, as docs/formats.md says: those whose centre lies on a triangle, and those that the tip of a narrow chart
+ * reaches into between all centres. Triangles without area, in the world or in the texture, do not count. Asked for one texel at a time, so
+ * that nothing is kept for it: one pass over the triangles, most of which their boxes rule out. `proto::texel` is the same in Rust, in the
+ * same order of operations.
  */
 
 import type { SurfacePlan } from '../format/plan.ts';

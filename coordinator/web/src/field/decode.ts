@@ -1,6 +1,6 @@
 /**
- * The reference decoder of `pwl` in TypeScript: what the Rust crate's `proto::codec::pwl` does, integer for integer, and the blocks of texels
- * that it is run over to fill textures.
+ * The reference decoder of `pwl` in TypeScript: what the Rust crate's `proto::codec::pwl` does, integer for integer, and the blocks of
+ * texels that it is run over to fill textures.
  *
  * A block is a rectangle of texels with its own kept samples, so that a tile that has just been baked and a band of a finished surface take
  * the same way to the GPU, and a worker needs nothing but the block.

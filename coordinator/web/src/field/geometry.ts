@@ -1,9 +1,10 @@
 /**
- * Geometry of a surface for the GPU: three vertices of its own for each triangle, since every triangle has its own texture coordinates and, on flat
- * surfaces, its own frame. It costs 56 bytes a vertex; sharing vertices would save memory that is nothing beside the light.
+ * Geometry of a surface for the GPU: three vertices of its own for each triangle, since every triangle has its own texture coordinates and,
+ * on flat surfaces, its own frame. It costs 56 bytes a vertex; sharing vertices would save memory that is nothing beside the light.
  *
- * The back of a two-sided surface is a surface with triangles of its own, turned over, and is culled as every surface is: what is seen of the two is
- * decided before a fragment is shaded. One mesh that chooses by `gl_FrontFacing` would save its vertices and bind the textures of both sides.
+ * The back of a two-sided surface is a surface with triangles of its own, turned over, and is culled as every surface is: what is seen of
+ * the two is decided before a fragment is shaded. One mesh that chooses by `gl_FrontFacing` would save its vertices and bind the textures
+ * of both sides.
  */
 
 import type { Vec3 } from '../format/bytes.ts';

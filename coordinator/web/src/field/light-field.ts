@@ -52,8 +52,8 @@ export class PackageSource implements SampleSource {
 export const LIVE_BYTES = 256 << 20;
 
 /**
- * The tiles of a surface that have arrived so far. They are kept for picks and lost contexts while there is room; beyond it they are drawn and
- * forgotten: a job may be larger than the memory of a tab, and its package comes in the end.
+ * The tiles of a surface that have arrived so far. They are kept for picks and lost contexts while there is room; beyond it they are drawn
+ * and forgotten: a job may be larger than the memory of a tab, and its package comes in the end.
  */
 export class TileSource implements SampleSource {
   private readonly tiles = new Map<string, TileSegment>();

@@ -12,7 +12,10 @@ interface Change {
   rule?: 'texture' | 'thesis';
 }
 
-/** The arc of the Rust crate's tests: `n` quads around a quarter of a cylinder of radius 1 about z, u along the arc, normals away from the axis. */
+/**
+ * The arc of the Rust crate's tests: `n` quads around a quarter of a cylinder of radius 1 about z, u along the arc, normals away from the
+ * axis.
+ */
 function arc(n: number, { chart, uv = (c) => c, normal = (v) => v, rule = 'texture' }: Change = {}) {
   const [positions, normals, corners, coordinates]: number[][] = [[], [], [], []];
   for (let i = 0; i <= n; i++) {

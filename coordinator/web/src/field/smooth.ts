@@ -1,8 +1,9 @@
 /**
- * Normals and tangents at the corners of a smooth surface: the Rust crate's `proto::frame::surface` in TypeScript, in the same order of operations.
+ * Normals and tangents at the corners of a smooth surface: the Rust crate's `proto::frame::surface` in TypeScript, in the same order of
+ * operations.
  *
- * The normal is the author's, or the triangle's own where the author's does not point to the front. The tangent is the sum of dP/du over the triangles
- * that meet in this vertex of the texture (same chart, position and texture coordinates), each counted by its area.
+ * The normal is the author's, or the triangle's own where the author's does not point to the front. The tangent is the sum of dP/du over
+ * the triangles that meet in this vertex of the texture (same chart, position and texture coordinates), each counted by its area.
  */
 
 import type { Vec3 } from '../format/bytes.ts';
@@ -17,8 +18,10 @@ export interface CornerFrames {
   tangents: Float32Array;
 }
 
-/** Writes normals and tangents of a smooth surface whose positions are there; flat ones are, too, and are what a triangle's own normal is taken from. With
- * the rule `thesis` there is no tangent: the rotation is that of the interpolated normal. */
+/**
+ * Writes normals and tangents of a smooth surface whose positions are there; flat ones are, too, and are what a triangle's own normal is
+ * taken from. With the rule `thesis` there is no tangent: the rotation is that of the interpolated normal.
+ */
 export function smoothCorners(out: CornerFrames, surface: SceneSurface, pool: Float32Array, plan: SurfacePlan, rule: 'texture' | 'thesis'): void {
   const vertices = vertexNumbers(surface.corners, plan);
   const sums = rule === 'texture' ? tangentSums(out.positions, plan.uv, vertices) : null;
@@ -62,8 +65,8 @@ function alongU(positions: Float32Array, uv: Float32Array, t: number): Vec3 | nu
 }
 
 /**
- * The number of each corner's vertex of the texture. An open-addressed table over typed arrays: a Map with a text for each of millions of corners takes
- * seconds and gigabytes.
+ * The number of each corner's vertex of the texture. An open-addressed table over typed arrays: a Map with a text for each of millions of
+ * corners takes seconds and gigabytes.
  */
 export function vertexNumbers(corners: Uint32Array, { chart, uv }: Pick<SurfacePlan, 'chart' | 'uv'>): Uint32Array {
   const bits = new Uint32Array(uv.buffer, uv.byteOffset, uv.length);

@@ -2,8 +2,8 @@
  * A surface's kept samples in memory: what `.mtsp`, `.mti`, `.mtnc` and `.mtm` hold, as typed arrays over the files' own bytes.
  *
  * Steps, not depths: `.mti` names samples by depth, every search along a texel wants the walk's order, so that the translation is made once
- * here. The files' bytes stay in memory (a fraction of what they expand to): the inspectors read texels from them, and lost WebGL contexts are
- * restored from them.
+ * here. The files' bytes stay in memory (a fraction of what they expand to): the inspectors read texels from them, and lost WebGL contexts
+ * are restored from them.
  */
 
 import { FormatError } from './bytes.ts';

@@ -1,6 +1,6 @@
 /**
- * `scene.kiln`: the canonical scene and the plan in one file (docs/formats.md). Geometry and layout of a package, and of a job from the moment it is
- * laid out.
+ * `scene.kiln`: the canonical scene and the plan in one file (docs/formats.md). Geometry and layout of a package, and of a job from the
+ * moment it is laid out.
  */
 
 import { ByteReader, FormatError } from './bytes.ts';

@@ -17,13 +17,13 @@ it('a small environment is kept as it is, its factor multiplied in', () => {
 });
 
 it('a large one becomes the means of what falls together', () => {
-  const found = environment(3000, 2, (x) => x / 3000);
-  expect([found.width, found.height, found.texels.length]).toEqual([1024, 2, 1024 * 2 * 3]);
-  const red = [...found.texels.filter((_, i) => i % 3 === 0).subarray(0, 1024)];
+  const found = environment(6000, 2, (x) => x / 6000);
+  expect([found.width, found.height, found.texels.length]).toEqual([2048, 2, 2048 * 2 * 3]);
+  const red = [...found.texels.filter((_, i) => i % 3 === 0).subarray(0, 2048)];
   expect(red).toEqual([...red].sort((a, b) => a - b));
-  // Two or three texels each, none left out: the first are x = 0 to 2, the last 2998 and 2999.
-  expect(red[0]).toBeCloseTo(10 / 3000);
-  expect(red[1023]).toBeCloseTo((10 * 2998.5) / 3000);
+  // Two or three texels each, none left out: the first are x = 0 to 2, the last 5998 and 5999.
+  expect(red[0]).toBeCloseTo(10 / 6000, 6);
+  expect(red[2047]).toBeCloseTo((10 * 5998.5) / 6000, 5);
 });
 
 it('the mean is that over the sphere: rows at the poles count less', () => {

@@ -1,12 +1,13 @@
 /**
- * The environment of a scene (docs/formats.md): what is seen where nothing else is. Its light is baked; kept is a picture of it that a background
- * needs and no more, since a lat-long map of a scene may well be larger than all the rest of it.
+ * The environment of a scene (docs/formats.md): what is seen where nothing else is. Its light is baked; kept is a picture of it that a
+ * background needs and no more, since a lat-long map of a scene may well be larger than all the rest of it.
  */
 
 import type { ByteReader, Vec3 } from './bytes.ts';
 
-/** Texels of the picture, at most: a third of a degree, about a pixel of a usual view. */
-const MOST = { width: 1024, height: 512 };
+/** Texels of the picture, at most: a sixth of a degree, which is almost three pixels of a view of 45 degrees and
+ * 720 rows, and as wide as every GPU takes. */
+const MOST = { width: 2048, height: 1024 };
 
 export interface Environment {
   /** The file that it came from. */
@@ -21,7 +22,9 @@ export interface Environment {
   mean: Vec3;
 }
 
-/** Reads an environment, its factor multiplied in. A map that is larger than {@link MOST} is averaged over the texels that fall together. */
+/**
+ * Reads an environment, its factor multiplied in. A map that is larger than {@link MOST} is averaged over the texels that fall together.
+ */
 export function readEnvironment(r: ByteReader): Environment {
   const name = r.text('environment name');
   const [width, height] = [r.varint('environment width'), r.varint('environment height')];

@@ -1,9 +1,10 @@
 /**
- * The materials of a scene (docs/formats.md). Their light is baked; what the viewer needs is what is not in it: how much of what lies behind
- * shows through, and colours for the draft of a job that has only begun. Everything else is read over.
+ * The materials of a scene (docs/formats.md). Their light is baked; what the viewer needs is what is not in it: how much of what lies
+ * behind shows through, and colours for the draft of a job that has only begun. Everything else is read over.
  */
 
 import type { ByteReader, Vec3 } from './bytes.ts';
+import type { SceneTexture } from './texture.ts';
 
 const WRAPS = ['repeat', 'mirror', 'clamp'] as const;
 const MODES = ['modulate', 'replace', 'add', 'add-signed', 'subtract', 'blend'] as const;
@@ -49,13 +50,19 @@ export interface Transmission {
   reflectanceTexture: TextureRef | null;
 }
 
-/** Squared roughness below which a surface is perfectly smooth; rougher ones scatter what goes through into their own light field. As `LEAST_ALPHA` in
- * `proto::scene` and `LF_LEAST_ALPHA` in `lf_cover.glsl`. */
+/**
+ * Squared roughness below which a surface is perfectly smooth; rougher ones scatter what goes through into their own light field. As
+ * `LEAST_ALPHA` in `proto::scene` and `LF_LEAST_ALPHA` in `lf_cover.glsl`.
+ */
 export const LEAST_ALPHA = 1e-3;
 
-/** Whether a material may be clear glass somewhere: transmissive, and smooth or of a roughness that a texture decides. */
-export const mayBeClear = ({ transmission: t }: Pick<Material, 'transmission'>): boolean =>
-  t !== null && (t.metallicRoughness !== null || t.roughness ** 2 < LEAST_ALPHA);
+/** Whether a material may be clear glass somewhere: transmissive, smooth and no metal, at the least values that its texture has. */
+export function mayBeClear({ transmission: t }: Pick<Material, 'transmission'>, textures: readonly Pick<SceneTexture, 'least'>[]): boolean {
+  if (!t) return false;
+  const texture = t.metallicRoughness?.texture;
+  const [, roughness, metallic] = texture === undefined ? [1, 1, 1] : (textures[texture]?.least ?? [0, 0, 0]);
+  return (t.roughness * roughness) ** 2 < LEAST_ALPHA && t.metallic * metallic < 1;
+}
 
 export interface Opacity {
   mode: 'opaque' | 'mask' | 'blend';

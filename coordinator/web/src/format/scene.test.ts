@@ -8,14 +8,19 @@ const IDENTITY = [1, 0, 0, 0, 1, 0];
 /** A look-up of a texture over coordinate set 1, doubled, mirrored along u and clamped along v, nearest. */
 const textureRef = (w: ByteWriter, texture: number) => w.varint(texture).varint(0, 1).f32(2, 0, 0, 0, 2, 0).varint(1, 2).u8(1);
 
-/** A scene with every kind of thing in it: docs/formats.md, byte by byte. `change` may replace a piece. */
-function sceneBytes(change: Partial<Record<'version' | 'corner' | 'material' | 'end' | 'front' | 'texture', number>> = {}): Uint8Array {
+type Change = 'version' | 'corner' | 'material' | 'end' | 'front' | 'texture' | 'roughness' | 'green' | 'alpha';
+
+/**
+ * A scene with every kind of thing in it: docs/formats.md, byte by byte. `change` may replace a piece: with a `roughness` the thin wall has
+ * a texture of it, whose texels are `green`.
+ */
+function sceneBytes(change: Partial<Record<Change, number>> = {}): Uint8Array {
   const w = new ByteWriter();
   w.varint(change.version ?? 3);
   w.varint(4).f32(0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0);
   w.varint(1).f32(0, 0, 1);
   w.varint(1).f32(1, 0, 0, -1);
-  w.varint(2).f32(1, 1, 1, 1, 1, 1, 1, 0.5);
+  w.varint(2).f32(1, 1, 1, 1, 1, 1, 1, change.alpha ?? 0.5);
   // A surface of two parts with two coordinate sets, normals, tangents and colours; then its back, flat.
   w.varint(2);
   w.text('leaf').text('leaf').u8(0);
@@ -39,7 +44,10 @@ function sceneBytes(change: Partial<Record<'version' | 'corner' | 'material' | '
   w.text('bark').varint(1).f32(0.5, 0.4, 0.3);
   w.varint(1).varint(0).varint(0, 0).f32(...IDENTITY).varint(0, 0).u8(0).varint(0).f32(2);
   w.f32(0.1, 0.1, 0.1).u8(0).varint(1).f32(0.25).f32(7, 8, 9).u8(0).varint(0).f32(1).u8(0).u8(0);
-  w.text('skin').varint(2).f32(1, 1, 1).varint(0).f32(0.25, 0.01).u8(0).f32(2, 0.5).u8(0).f32(1, 1, 1).u8(0).f32(0.8).u8(1);
+  w.text('skin').varint(2).f32(1, 1, 1).varint(0).f32(0.25, change.roughness ?? 0.01);
+  if (change.roughness === undefined) w.u8(0);
+  else textureRef(w.u8(1), 1);
+  w.f32(2, 0.5).u8(0).f32(1, 1, 1).u8(0).f32(0.8).u8(1);
   textureRef(w, 1);
   w.f32(0, 0, 0).u8(0).varint(1).f32(0.3, 0.9).u8(1);
   textureRef(w, change.texture ?? 1);
@@ -48,7 +56,8 @@ function sceneBytes(change: Partial<Record<'version' | 'corner' | 'material' | '
   w.text('lamp').varint(0).f32(1, 2, 3).u8(0).varint(2).f32(0.5).u8(0).u8(0);
   w.varint(2);
   w.text('a.png').varint(1, 1).varint(0).u8(0).varint(3).u8(255, 0, 0);
-  w.text('b.png').varint(2, 1).varint(1).u8(1).varint(8).u8(0, 0, 0, 255, 255, 0, 0, 51);
+  const green = change.green ?? 0;
+  w.text('b.png').varint(2, 1).varint(1).u8(1).varint(8).u8(0, 255, 0, 255, 255, green, 0, 51);
   w.varint(3);
   const rest = (name: string) => w.f32(0, 0, 0).u8(1).f32(1).f32(...Array(13).fill(0)).u8(15).u8(0).u8(0) && name;
   w.text('bulb').varint(0).f32(1, 2, 3).f32(4, 5, 6).varint(0).u8(1).f32(10);
@@ -100,6 +109,18 @@ describe('a scene', () => {
     [...surfaces[0].uvSets.get(1)!].forEach((v, i) => expect(v).toBeCloseTo(i < 6 ? 0 : (i - 5) / 10));
     expect(surfaces[0].colours!.filter((_, i) => i % 4 === 3)).toEqual(Float32Array.of(1, 1, 1, 1, 0.5, 1));
     expect([surfaces[1].uvSets.size, surfaces[1].colours]).toEqual([0, null]);
+  });
+
+  it('keeps nothing of glass that its texture leaves rough all over', () => {
+    const kept = (change: Parameters<typeof sceneBytes>[0]) => {
+      const { textures, surfaces } = read(sceneBytes(change));
+      return [textures[1].least, Object.keys(textures[1].channels).sort(), surfaces[0].colours !== null];
+    };
+    expect(kept({ roughness: 0.5, green: 0 })).toEqual([[0, 0, 0], ['alpha', 'colour', 'red'], true]);
+    expect(kept({ roughness: 0.5, green: 51 })).toEqual([[0, 0.2, 0], ['alpha'], true]);
+    // A mask has nothing of vertex colours that are opaque; glass has their tint.
+    expect(kept({ roughness: 0.5, green: 51, alpha: 1 })).toEqual([[0, 0.2, 0], ['alpha'], false]);
+    expect(kept({ alpha: 1 })).toEqual([null, ['alpha', 'red'], true]);
   });
 
   it('is refused with the fault named, wherever it is cut, and where an index leads nowhere', () => {

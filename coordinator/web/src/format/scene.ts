@@ -1,16 +1,16 @@
 /**
- * The canonical scene within `scene.kiln` (docs/formats.md), as far as a viewer needs it: geometry with its parts, what shows through, lights for
- * drafts, cameras. What only decides the baked light (shadow rules, images, normal maps) is read over.
+ * The canonical scene within `scene.kiln` (docs/formats.md), as far as a viewer needs it: geometry with its parts, what shows through,
+ * lights for drafts, cameras. What only decides the baked light (shadow rules, images, normal maps) is read over.
  *
- * Materials come behind the surfaces whose coordinates they may need: coordinate sets and vertex colours stay undecoded bytes until it is known which
- * are wanted, which is few.
+ * Materials come behind the surfaces whose coordinates they may need: coordinate sets and vertex colours stay undecoded bytes until it is
+ * known which are wanted, which is few.
  */
 
 import { ByteReader } from './bytes.ts';
 import { type Environment, readEnvironment } from './environment.ts';
 import { type Light, type Projector, type SceneCamera, readCamera, readLight, readProjector, readShadowMap } from './light.ts';
 import { type Material, type TextureRef, mayBeClear, readMaterial } from './material.ts';
-import { type ChannelName, type SceneTexture, readTexture } from './texture.ts';
+import { type ChannelName, type SceneTexture, channelsOf, leastOf, meanOf, readImage } from './texture.ts';
 
 const SCENE_VERSION = 3;
 
@@ -35,7 +35,9 @@ export interface SceneSurface {
   normals: Uint32Array;
   /** Author's texture coordinates by set, six per triangle, (0, 0) where there are none: the sets that decide what shows through. */
   uvSets: Map<number, Float32Array>;
-  /** Linear vertex colour and opacity of each corner, four numbers; null where there are none, or they decide nothing that shows through. */
+  /**
+   * Linear vertex colour and opacity of each corner, four numbers; null where there are none, or they decide nothing that shows through.
+   */
   colours: Float32Array | null;
 }
 
@@ -69,10 +71,11 @@ export interface CoverTextures {
   tint: CoverTexture | null;
 }
 
-export function coverTextures(material: Material): CoverTextures {
+/** `textures` tell how rough those are that vary it. */
+export function coverTextures(material: Material, textures: readonly SceneTexture[]): CoverTextures {
   const { opacity, transmission, layers } = material;
   const of = (ref: TextureRef | null | undefined, channel: ChannelName): CoverTexture | null => (ref ? { ref, channel } : null);
-  const clear = mayBeClear(material);
+  const clear = mayBeClear(material, textures);
   return {
     opacity: opacity.mode === 'opaque' ? null : of(opacity.texture, 'alpha'),
     transmission: clear ? of(transmission?.texture, 'red') : null,
@@ -81,7 +84,8 @@ export function coverTextures(material: Material): CoverTextures {
   };
 }
 
-const coverList = (material: Material): CoverTexture[] => Object.values(coverTextures(material)).filter((it) => it !== null);
+const coverList = (material: Material, textures: readonly SceneTexture[]): CoverTexture[] =>
+  Object.values(coverTextures(material, textures)).filter((it) => it !== null);
 
 /** A surface with what is decoded when its materials are known. */
 interface Undecoded {
@@ -97,13 +101,11 @@ export function readScene(r: ByteReader): Scene {
   if (version !== SCENE_VERSION) throw r.error(`scene version ${version}; this page reads version ${SCENE_VERSION}`);
   const positions = r.floats(r.length(12, 'positions') * 3, 'positions');
   const normals = r.floats(r.length(12, 'normals') * 3, 'normals');
-  r.floats(r.length(16, 'tangents') * 4, 'tangents');
+  r.skip(r.length(16, 'tangents') * 16, 'tangents');
   const colours = r.floats(r.length(16, 'colours') * 4, 'colours');
   const undecoded = r.list(8, 'surfaces', () => readSurface(r));
   const materials = r.list(22, 'materials', () => readMaterial(r));
-  const wanted = wantedChannels(materials);
-  let texture = 0;
-  const textures = r.list(6, 'textures', () => readTexture(r, wanted.get(texture++) ?? new Set()));
+  const textures = readTextures(r, materials);
   const lights = r.list(90, 'lights', () => readLight(r));
   const environment = r.option(() => readEnvironment(r), 'environment');
   const projectors = r.list(66, 'projectors', () => readProjector(r));
@@ -154,12 +156,19 @@ function readOver(r: ByteReader): ByteReader {
   return new ByteReader(r.bytes.subarray(from, r.position), 'scene.kiln');
 }
 
-function wantedChannels(materials: Material[]): Map<number, Set<ChannelName>> {
+/** Which channels are wanted turns on how rough the rough ones are: what is clear nowhere needs neither its roughness nor its colours. */
+function readTextures(r: ByteReader, materials: Material[]): SceneTexture[] {
+  const images = r.list(6, 'textures', () => readImage(r));
+  const rough = new Set(materials.map(({ transmission }) => transmission?.metallicRoughness?.texture));
+  const textures = images.map((image, i): SceneTexture => {
+    return { name: image.name, mean: meanOf(image), least: rough.has(i) ? leastOf(image) : null, channels: {} };
+  });
   const wanted = new Map<number, Set<ChannelName>>();
-  for (const { ref, channel } of materials.flatMap(coverList)) {
+  for (const { ref, channel } of materials.flatMap((material) => coverList(material, textures))) {
     wanted.set(ref.texture, (wanted.get(ref.texture) ?? new Set()).add(channel));
   }
-  return wanted;
+  images.forEach((image, i) => (textures[i].channels = channelsOf(image, wanted.get(i) ?? new Set())));
+  return textures;
 }
 
 /** Every index that is followed later must lead somewhere. */
@@ -167,7 +176,7 @@ function check(r: ByteReader, { positions, normals, surfaces, materials, texture
   const refs = materials.flatMap((m) => {
     const { specularTexture, reflectanceTexture } = m.transmission ?? {};
     const single = [m.emissionTexture, specularTexture, reflectanceTexture].filter((ref) => ref != null);
-    return [...m.layers.map((l) => l.texture), ...coverList(m).map(({ ref }) => ref), ...single];
+    return [...m.layers.map((l) => l.texture), ...coverList(m, textures).map(({ ref }) => ref), ...single];
   });
   for (const { texture, mapping } of refs) {
     if (texture >= textures.length) throw r.error(`a material has texture ${texture}; there are ${textures.length}`);
@@ -186,16 +195,19 @@ function check(r: ByteReader, { positions, normals, surfaces, materials, texture
 }
 
 /** Decodes the coordinate sets and vertex colours of a surface that decide what shows through it. */
-function decode(r: ByteReader, { surface, sets, colours }: Undecoded, { materials }: Scene, pool: Float32Array): void {
+function decode(r: ByteReader, { surface, sets, colours }: Undecoded, { materials, textures }: Scene, pool: Float32Array): void {
   const own = [...new Set(surface.parts.map((part) => materials[part.material]))];
-  for (const { ref } of own.flatMap(coverList)) {
+  for (const { ref } of own.flatMap((material) => coverList(material, textures))) {
     const { from, index } = ref.mapping;
     if (from === 'uv' && sets[index] && !surface.uvSets.has(index)) surface.uvSets.set(index, coordinates(sets[index], surface.corners.length * 2));
   }
-  if (colours.length === 0 || own.every((material) => material.opacity.mode === 'opaque' && !mayBeClear(material))) return;
+  const isClear = own.some((material) => mayBeClear(material, textures));
+  if (colours.length === 0 || !(isClear || own.some(({ opacity }) => opacity.mode !== 'opaque'))) return;
   if (colours.length !== surface.corners.length || colours.some((c) => c * 4 >= pool.length)) {
     throw r.error(`surface ${surface.name} has a vertex colour that is missing`);
   }
+  // Without glass, only their opacity counts.
+  if (!isClear && colours.every((c) => pool[c * 4 + 3] === 1)) return;
   const of = new Float32Array(colours.length * 4);
   colours.forEach((c, corner) => of.set(pool.subarray(c * 4, c * 4 + 4), corner * 4));
   surface.colours = of;

@@ -1,21 +1,20 @@
 /**
- * The environment of a scene as what lies behind it: one triangle over the view, drawn before everything else in the same pass, so that glass is blended
- * over it and edges are smoothed against it. A sphere around the camera would need nothing of the projection and be cut by its far plane.
+ * The environment of a scene as what lies behind it: one triangle over the view, drawn before everything else in the same pass, so that
+ * glass is blended over it and edges are smoothed against it. A sphere around the camera would need nothing of the projection and be cut by
+ * its far plane.
  */
 
-import {
-  BufferAttribute, BufferGeometry, ClampToEdgeWrapping, DataTexture, GLSL3, HalfFloatType, LinearFilter, Mesh, NoBlending, RGBAFormat, RawShaderMaterial,
-  RepeatWrapping,
-} from 'three';
+import { ClampToEdgeWrapping, DataTexture, HalfFloatType, LinearFilter, RGBAFormat, RepeatWrapping } from 'three';
 import type { Environment } from '../format/environment.ts';
 import type { SharedUniforms } from './material.ts';
+import { ScreenMesh } from './screen-mesh.ts';
 import { environmentProgram } from './shaders.ts';
 import { toHalf } from './textures.ts';
 
 /** Before the pre-passes of all surfaces. */
 const BEFORE_ALL = -2000;
 
-export class Background extends Mesh<BufferGeometry, RawShaderMaterial> {
+export class Background extends ScreenMesh {
   /** Bytes of its texture. */
   readonly bytes: number;
   private readonly picture: DataTexture;
@@ -24,22 +23,10 @@ export class Background extends Mesh<BufferGeometry, RawShaderMaterial> {
   constructor(environment: Environment, shared: SharedUniforms) {
     const picture = pictureOf(environment, shared.lfDraftExposure.value);
     const { lfOutput, lfExposure } = shared;
-    const geometry = new BufferGeometry();
-    geometry.setAttribute('position', new BufferAttribute(new Float32Array([-1, -1, 0, 3, -1, 0, -1, 3, 0]), 3));
-    const material = new RawShaderMaterial({
-      name: 'kiln-environment',
-      glslVersion: GLSL3,
-      vertexShader: environmentProgram.vertex,
-      fragmentShader: environmentProgram.fragment,
-      uniforms: { lfEnvironment: { value: picture }, lfTurns: { value: turnsOf(environment.rotation) }, lfOutput, lfExposure },
-      depthTest: false,
-      depthWrite: false,
-      blending: NoBlending,
-    });
-    super(geometry, material);
+    const own = { lfEnvironment: { value: picture }, lfTurns: { value: turnsOf(environment.rotation) } };
+    super('kiln-environment', environmentProgram, { ...own, lfOutput, lfExposure });
     this.picture = picture;
     this.bytes = environment.width * environment.height * 8;
-    this.frustumCulled = false;
     this.renderOrder = BEFORE_ALL;
   }
 
@@ -48,8 +35,7 @@ export class Background extends Mesh<BufferGeometry, RawShaderMaterial> {
 
   override dispose(): void {
     this.picture.dispose();
-    this.geometry.dispose();
-    this.material.dispose();
+    super.dispose();
   }
 }
 
@@ -60,8 +46,8 @@ function turnsOf(rotation: number): number {
 }
 
 /**
- * Radiance times `exposure` in half floats. A sky in cd/m² is beyond them and moonlight below: what is cut must be too bright for the view, not for the
- * format.
+ * Radiance times `exposure` in half floats. A sky in cd/m² is beyond them and moonlight below: what is cut must be too bright for the
+ * view, not for the format.
  */
 function pictureOf({ width, height, texels }: Environment, exposure: number): DataTexture {
   const rgba = new Float32Array(width * height * 4).fill(1);

@@ -1,6 +1,7 @@
 /**
- * Textures that decide what shows through, on the GPU: one channel or a colour, uploaded when something is first drawn with it. They have their share of the memory
- * budget; where they pass it, or the GPU's limits, the largest are halved until they fit: a mask that is coarse shows what a mask that is missing hides.
+ * Textures that decide what shows through, on the GPU: one channel or a colour, uploaded when something is first drawn with it. They have
+ * their share of the memory budget; where they pass it, or the GPU's limits, the largest are halved until they fit: a mask that is coarse
+ * shows what a mask that is missing hides.
  */
 
 import {

@@ -1,7 +1,7 @@
 /**
- * Lights for the draft, while nothing is baked: emissive triangles as points, split until all points are in use, and the scene's own lights. Of more than
- * the shader takes, the strongest are chosen, by the irradiance that they would give at the middle of the scene. Nothing has shadows or bounces; it is
- * there to see what the scene is, within a frame.
+ * Lights for the draft, while nothing is baked: emissive triangles as points, split until all points are in use, and the scene's own
+ * lights. Of more than the shader takes, the strongest are chosen, by the irradiance that they would give at the middle of the scene.
+ * Nothing has shadows or bounces; it is there to see what the scene is, within a frame.
  */
 
 import type { Vec3 } from '../format/bytes.ts';
@@ -97,7 +97,9 @@ function weakened(falloff: Falloff, d: number): number {
   return Math.min(1, Math.max(0, falloff.range === null ? 1 : 1 - (d / falloff.range) ** 4)) / (d * d);
 }
 
-/** Sets the draft's lights; returns a guess of the exposure for when the job's own is not known: a white surface at mean light is mid-grey. */
+/**
+ * Sets the draft's lights; returns a guess of the exposure for when the job's own is not known: a white surface at mean light is mid-grey.
+ */
 export function setLights(uniforms: SharedUniforms, container: Container, lit: Lit): number {
   const { lights, lamps } = draftLights(container, DRAFT_LIGHTS, lit);
   const ambient = container.scene.environment?.mean ?? NOWHERE;

@@ -4,10 +4,11 @@ import {
   CustomBlending, type DataArrayTexture, type DataTexture, FrontSide, GLSL3, type IUniform, LessEqualDepth, OneFactor, OneMinusSrcAlphaFactor,
   RawShaderMaterial, Vector2, Vector3, Vector4,
 } from 'three';
-import type { Cover, Sampled } from '../field/cover.ts';
+import type { Cover } from '../field/cover.ts';
 import type { ArrayLayout } from '../field/layout.ts';
 import type { Scheme } from '../viewer/api.ts';
 import type { ChannelTextures } from './channels.ts';
+import { NOWHERE, lookUpUniforms } from './look-ups.ts';
 import { depthProgram, surfaceProgram } from './shaders.ts';
 import type { StreamTextures } from './textures.ts';
 
@@ -68,18 +69,9 @@ export interface CoverUniforms {
 }
 
 export function coverUniforms({ textures, glass, cutoff, blended }: Cover, channels: ChannelTextures): CoverUniforms {
-  const { opacity, transmission, roughness, tint } = textures;
   const lfChannel = { value: new Vector3(1, 0, 0) };
   const uniforms = {
-    lfAlpha: { value: channels.get(opacity) },
-    lfPassing: { value: channels.get(transmission) },
-    lfRoughness: { value: channels.get(roughness) },
-    lfTint: { value: channels.get(tint) },
-    lfAlphaMove: { value: move(opacity) },
-    lfPassingMove: { value: move(transmission) },
-    lfRoughnessMove: { value: move(roughness) },
-    lfTintMove: { value: move(tint) },
-    lfProjected: { value: [opacity, transmission, roughness, tint].map((it) => Number(it?.projected ?? false)) },
+    ...lookUpUniforms(textures, (sampled) => channels.get(sampled)),
     lfCutoff: { value: cutoff ?? -1 },
     lfGlass: { value: glass ? new Vector3(glass.transmission, glass.roughness, glass.metallic) : new Vector3(0, 1, 1) },
     lfReflected: { value: glass ? new Vector2(glass.specular, glass.normal) : new Vector2() },
@@ -88,15 +80,8 @@ export function coverUniforms({ textures, glass, cutoff, blended }: Cover, chann
   return { blended, tinted: glass?.tinted ?? false, uniforms, lfChannel };
 }
 
-/** Rows of the map of a look-up's coordinates. */
-function move(sampled: Sampled | null): Vector3[] {
-  const [a, b, c, d, e, f] = sampled?.transform ?? [1, 0, 0, 0, 1, 0];
-  return [new Vector3(a, b, c), new Vector3(d, e, f)];
-}
-
-/** Look-ups that a mesh does not have: nowhere. */
 function withDefaults(material: RawShaderMaterial): RawShaderMaterial {
-  Object.assign(material.defaultAttributeValues, { alphaAt: [0, 0, 0], passingAt: [0, 0, 0], roughnessAt: [0, 0, 0], tintAt: [0, 0, 0] });
+  Object.assign(material.defaultAttributeValues, NOWHERE);
   return material;
 }
 

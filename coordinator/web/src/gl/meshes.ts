@@ -1,17 +1,18 @@
 /**
- * The meshes of a surface: one for all that covers what lies behind it, one for each way of not doing so. They share their vertices and differ in which
- * triangles they draw. What is blended has no depth of its own: it is drawn last, back to front, and hides nothing.
+ * The meshes of a surface: one for all that covers what lies behind it, one for each way of not doing so. They share their vertices and
+ * differ in which triangles they draw. What is blended has no depth of its own: it is drawn last, back to front, and hides nothing.
  *
- * Blending knows one opacity a fragment. Coloured glass has three: it is drawn once for each of red, green and blue, with a mask that leaves the others
- * alone, so that each channel is blended exactly and in order. Multiplying first and adding afterwards takes two passes and is wrong wherever two
- * triangles of a mesh lie behind each other.
+ * Blending knows one opacity a fragment. Coloured glass has three: it is drawn once for each of red, green and blue, with a mask that
+ * leaves the others alone, so that each channel is blended exactly and in order. Multiplying first and adding afterwards takes two passes
+ * and is wrong wherever two triangles of a mesh lie behind each other.
  */
 
 import { Box3, BufferAttribute, BufferGeometry, DynamicDrawUsage, type Group, type IUniform, Mesh, RawShaderMaterial, Sphere, Vector3 } from 'three';
 import type { Vec3 } from '../format/bytes.ts';
-import type { Cover, SurfaceCover } from '../field/cover.ts';
+import type { Cover } from '../field/cover.ts';
 import type { FieldSurface } from '../field/light-field.ts';
 import type { ChannelTextures } from './channels.ts';
+import { lookUpAttributes } from './look-ups.ts';
 import { type CoverUniforms, coverUniforms, depthMaterial } from './material.ts';
 import { sortBackToFront } from './sorting.ts';
 
@@ -104,16 +105,8 @@ function attributes({ geometry, cover }: FieldSurface): Vertices {
     chart: new BufferAttribute(charts, 1),
     part: new BufferAttribute(parts, 1),
     ...(cover && { coverAt: new BufferAttribute(cover.at, 4) }),
-    ...lookUps(cover?.lookUps ?? {}),
+    ...lookUpAttributes(cover?.lookUps ?? {}),
   };
-}
-
-/** Where `lf_cover.glsl` has the look-ups; those that no cover of a surface has stay away. */
-const LOOK_UPS = { opacity: 'alphaAt', transmission: 'passingAt', roughness: 'roughnessAt', tint: 'tintAt' } as const;
-
-function lookUps(of: SurfaceCover['lookUps']): Vertices {
-  const names = Object.keys(of) as (keyof typeof LOOK_UPS)[];
-  return Object.fromEntries(names.map((name) => [LOOK_UPS[name], new BufferAttribute(of[name]!, 3)]));
 }
 
 /** `triangles` null: all of them. */
@@ -133,7 +126,10 @@ function geometryOf(vertices: Vertices, triangles: Uint32Array | null, dynamic: 
   return out;
 }
 
-/** Around the triangles alone: three's own would take every vertex. It decides what is culled, and which of two blended meshes is drawn first. */
+/**
+ * Around the triangles alone: three's own would take every vertex. It decides what is culled, and which of two blended meshes is drawn
+ * first.
+ */
 function sphereOf(positions: BufferAttribute, corners: Uint32Array): Sphere {
   const [box, point] = [new Box3(), new Vector3()];
   for (const v of corners) box.expandByPoint(point.fromBufferAttribute(positions, v));

@@ -1,9 +1,10 @@
 /**
  * A light field as an object of a three.js scene: add it, call {@link LightFieldObject.prepare}, draw as always.
  *
- * The depth pre-pass is two meshes a surface with render orders, not a pass of its own: any renderer draws it, frustum culling works as for every
- * mesh, and a host scene needs no changes. It costs twice the draw calls; drawing light fields costs fragments, not draws. What is blended is sorted for
- * a camera by {@link LightFieldObject.sort}, before each frame: three asks objects for nothing between knowing the camera and uploading their vertices.
+ * The depth pre-pass is two meshes a surface with render orders, not a pass of its own: any renderer draws it, frustum culling works as for
+ * every mesh, and a host scene needs no changes. It costs twice the draw calls; drawing light fields costs fragments, not draws. What is
+ * blended is sorted for a camera by {@link LightFieldObject.sort}, before each frame: three asks objects for nothing between knowing the
+ * camera and uploading their vertices.
  */
 
 import { type Camera, Group, Vector3, type WebGLRenderer } from 'three';
@@ -95,8 +96,8 @@ export class LightFieldObject extends Group {
   }
 
   /**
-   * Makes a look drawable; it is drawn by {@link show}. Ends early where `wanted` says no more. Throws where raw radiance beside what is shown
-   * would pass `budget` bytes.
+   * Makes a look drawable; it is drawn by {@link show}. Ends early where `wanted` says no more. Throws where raw radiance beside what is
+   * shown would pass `budget` bytes.
    */
   async ensure(look: Look, budget: number, wanted: () => boolean): Promise<void> {
     if (look === 'raw') this.checkRaw(budget);

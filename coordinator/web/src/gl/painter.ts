@@ -1,15 +1,17 @@
 /**
- * Draws frames of one light field: the plain view, the error map as two pictures and their difference, and linear radiance for reading back. A scene with
- * glass in it is drawn in linear light and then brought to the screen: light adds up as light, not as the bytes of a display.
+ * Draws frames of one light field: the plain view, the error map as two pictures and their difference, and linear radiance for reading
+ * back. A scene with glass in it is drawn in linear light and then brought to the screen: light adds up as light, not as the bytes of a
+ * display.
  */
 
 import {
-  BufferAttribute, BufferGeometry, Color, FloatType, GLSL3, HalfFloatType, type IUniform, Mesh, NearestFilter, type OrthographicCamera, type PerspectiveCamera,
-  RawShaderMaterial, type Scene, Vector3, WebGLRenderTarget, type WebGLRenderer, Camera,
+  Camera, Color, FloatType, HalfFloatType, NearestFilter, type OrthographicCamera, type PerspectiveCamera, type Scene, Vector3, WebGLRenderTarget,
+  type WebGLRenderer,
 } from 'three';
 import type { ViewMode } from '../viewer/api.ts';
 import type { LightFieldObject } from './object.ts';
-import { type Program, errorProgram, screenProgram } from './shaders.ts';
+import { ScreenMesh } from './screen-mesh.ts';
+import { errorProgram, screenProgram } from './shaders.ts';
 
 /** sRGB of what lies behind the scene; `kiln render` has the same. */
 export const BACKGROUND = 0x202428;
@@ -18,14 +20,11 @@ export const ERROR_RANGE = 8;
 /** Samples a pixel of what is drawn in linear light; browsers give a canvas as many. */
 const SAMPLES = 4;
 
-type ScreenMesh = Mesh<BufferGeometry, RawShaderMaterial>;
-
 export class Painter {
   private readonly renderer: WebGLRenderer;
   private readonly targets: WebGLRenderTarget[] = [];
   /** Linear light, for what is blended; made when first drawn. */
   private blending: WebGLRenderTarget | null = null;
-  private readonly triangle = new BufferGeometry();
   private readonly errorMesh: ScreenMesh;
   private readonly screenMesh: ScreenMesh;
   private readonly screenCamera = new Camera() as OrthographicCamera;
@@ -33,15 +32,14 @@ export class Painter {
   constructor(renderer: WebGLRenderer) {
     this.renderer = renderer;
     this.settle();
-    this.triangle.setAttribute('position', new BufferAttribute(new Float32Array([-1, -1, 0, 3, -1, 0, -1, 3, 0]), 3));
-    this.errorMesh = this.overScreen('kiln-error', errorProgram, {
+    this.errorMesh = new ScreenMesh('kiln-error', errorProgram, {
       lfShown: { value: null },
       lfReference: { value: null },
       lfExposure: { value: 1 },
       lfErrorRange: { value: ERROR_RANGE },
       lfBackground: { value: new Vector3(BACKGROUND >> 16, (BACKGROUND >> 8) & 255, BACKGROUND & 255).divideScalar(255) },
     });
-    this.screenMesh = this.overScreen('kiln-screen', screenProgram, { lfShown: { value: null } });
+    this.screenMesh = new ScreenMesh('kiln-screen', screenProgram, { lfShown: { value: null } });
   }
 
   /** State that a context begins without, also one that comes back. */
@@ -63,9 +61,9 @@ export class Painter {
   }
 
   /**
-   * What every pixel holds, bottom row first, four floats each. `radiance`: linear radiance times 2^stops, and as alpha the number of the chart
-   * (from 1; 0 behind the scene). `lookup`: what is looked up there, u, v and the x and y of the direction toward the eye in the texel's frame.
-   * Resolution and antialiasing of the canvas play no part.
+   * What every pixel holds, bottom row first, four floats each. `radiance`: linear radiance times 2^stops, and as alpha the number of the
+   * chart (from 1; 0 behind the scene). `lookup`: what is looked up there, u, v and the x and y of the direction toward the eye in the
+   * texel's frame. Resolution and antialiasing of the canvas play no part.
    */
   read(
     scene: Scene, camera: PerspectiveCamera, object: LightFieldObject, what: 'radiance' | 'lookup', look: { mode: ViewMode; hardware: boolean },
@@ -83,17 +81,8 @@ export class Painter {
   dispose(): void {
     this.targets.forEach((target) => target.dispose());
     this.blending?.dispose();
-    this.triangle.dispose();
-    this.errorMesh.material.dispose();
-    this.screenMesh.material.dispose();
-  }
-
-  /** A triangle over the whole target. */
-  private overScreen(name: string, { vertex, fragment }: Program, uniforms: Record<string, IUniform>): ScreenMesh {
-    const state = { glslVersion: GLSL3, depthTest: false, depthWrite: false };
-    const mesh = new Mesh(this.triangle, new RawShaderMaterial({ name, vertexShader: vertex, fragmentShader: fragment, uniforms, ...state }));
-    mesh.frustumCulled = false;
-    return mesh;
+    this.errorMesh.dispose();
+    this.screenMesh.dispose();
   }
 
   /** Nearly every GPU does; on others light adds up as the bytes of the display do. */

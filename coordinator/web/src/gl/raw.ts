@@ -11,8 +11,10 @@ const ONE = DataUtils.toHalfFloat(1);
 /** The largest half-float. */
 const MOST = 65504;
 
-/** The samples of a surface in bands of at most `bytes`. Linear ones are multiplied by `factor`, 2^stops, before they become half floats: dim and bright
- * scenes keep their precision where it shows. */
+/**
+ * The samples of a surface in bands of at most `bytes`. Linear ones are multiplied by `factor`, 2^stops, before they become half floats:
+ * dim and bright scenes keep their precision where it shows.
+ */
 export function* rawLayers(file: Uint8Array, surface: FieldSurface, directions: number, factor: number, bytes: number): Iterable<Layers> {
   const { width, height } = surface.plan;
   const name = `surfaces/${surface.fileStem}.mtex`;
@@ -30,7 +32,10 @@ export function* rawLayers(file: Uint8Array, surface: FieldSurface, directions: 
   }
 }
 
-/** Loads the raw radiance of a surface and hands it over in bands of at most `bytes`, as long as `wanted` says so. Whether it came to its end. */
+/**
+ * Loads the raw radiance of a surface and hands it over in bands of at most `bytes`, as long as `wanted` says so. Whether it came to its
+ * end.
+ */
 export async function writeRaw(
   field: LightField, surface: FieldSurface, bytes: number, wanted: () => boolean, write: (layers: Layers) => void,
 ): Promise<boolean> {

@@ -1,10 +1,12 @@
 /**
- * The shaders, joined. Concatenation, not three's `#include`: the text that is compiled is then the text that tests hand to glslangValidator.
+ * The shaders, joined. Concatenation, not three's `#include`: the text that is compiled is then the text that tests hand to
+ * glslangValidator.
  */
 
 import arrayScheme from '../../../../shaders/lf_array.glsl?raw';
 import common from '../../../../shaders/lf_common.glsl?raw';
 import coverPart from '../../../../shaders/lf_cover.glsl?raw';
+import coverVertex from '../../../../shaders/lf_cover_vertex.glsl?raw';
 import depthFragment from '../../../../shaders/lf_depth.frag?raw';
 import depthVertex from '../../../../shaders/lf_depth.vert?raw';
 import draft from '../../../../shaders/lf_draft.glsl?raw';
@@ -32,11 +34,12 @@ const join = (...parts: string[]): string => PRECISION + parts.join('\n');
 
 /** The program that draws a surface with a scheme. */
 export const surfaceProgram = (scheme: Scheme): Program => ({
-  vertex: join(surfaceVertex),
+  vertex: join(coverVertex, surfaceVertex),
   fragment: join(common, SCHEMES[scheme], draft, coverPart, surfaceFragment),
 });
 
-export const depthProgram: Program = { vertex: join(depthVertex), fragment: join(coverPart, depthFragment) };
+/** The program of the pre-pass: of what covers, and of masks, whose holes it leaves. */
+export const depthProgram: Program = { vertex: join(coverVertex, depthVertex), fragment: join(coverPart, depthFragment) };
 export const environmentProgram: Program = { vertex: join(environmentVertex), fragment: join(common, environmentFragment) };
 export const errorProgram: Program = { vertex: join(screenVertex), fragment: join(common, errorFragment) };
 export const screenProgram: Program = { vertex: join(screenVertex), fragment: join(common, screenFragment) };
@@ -51,12 +54,14 @@ export function shaderVariants(): { name: string; stage: 'vert' | 'frag'; source
     { name: 'streamed', program: surfaceProgram('streamed'), defines: [] },
     { name: 'streamed-direct', program: surfaceProgram('streamed'), defines: ['LF_DIRECT 1'] },
   ];
-  const covering = [...surface, ...streamed, { name: 'depth', program: depthProgram, defines: [] }].flatMap((variant) => [
-    variant,
-    { ...variant, name: `${variant.name}-mask`, defines: [...variant.defines, 'LF_COVER 1'] },
-    { ...variant, name: `${variant.name}-blend`, defines: [...variant.defines, 'LF_COVER 2'] },
-  ]);
-  const others = [
+  type Variant = { name: string; program: Program; defines: string[] };
+  const mask = (of: Variant) => ({ ...of, name: `${of.name}-mask`, defines: [...of.defines, 'LF_COVER 1'] });
+  const blend = (of: Variant) => ({ ...of, name: `${of.name}-blend`, defines: [...of.defines, 'LF_COVER 2'] });
+  const covering = [...surface, ...streamed].flatMap((variant) => [variant, mask(variant), blend(variant)]);
+  const depth = { name: 'depth', program: depthProgram, defines: [] };
+  const others: Variant[] = [
+    depth,
+    mask(depth),
     { name: 'environment', program: environmentProgram, defines: [] },
     { name: 'error', program: errorProgram, defines: [] },
     { name: 'screen', program: screenProgram, defines: [] },

@@ -1,6 +1,7 @@
 /**
- * The order in which blended triangles are drawn: back to front by their centroids, which is exact for triangles that do not cross and of about the same
- * size. Counted into 65,536 distances rather than compared: linear, so that a view can be turned with hundreds of thousands of leaves in it.
+ * The order in which blended triangles are drawn: back to front by their centroids, which is exact for triangles that do not cross and of
+ * about the same size. Counted into 65,536 distances rather than compared: linear, so that a view can be turned with hundreds of thousands
+ * of leaves in it.
  */
 
 import type { Vec3 } from '../format/bytes.ts';

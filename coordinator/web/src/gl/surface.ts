@@ -1,6 +1,6 @@
 /**
- * One baked surface on the GPU: its meshes, the textures of the scheme that it is drawn with, and what else views ask for (the mean for "diffuse only",
- * raw radiance for the error map).
+ * One baked surface on the GPU: its meshes, the textures of the scheme that it is drawn with, and what else views ask for (the mean for
+ * "diffuse only", raw radiance for the error map).
  */
 
 import {
@@ -105,8 +105,10 @@ export class SurfaceView {
     return [...new Set(Object.values(this.looks))].reduce((sum, look) => sum + look.bytes, 0);
   }
 
-  /** Lays out textures for a scheme, empty: what is not there yet is drawn as a draft. Streams are complete at once. null: a surface that this GPU cannot
-   * hold in any way stays a draft. */
+  /**
+   * Lays out textures for a scheme, empty: what is not there yet is drawn as a draft. Streams are complete at once. null: a surface that
+   * this GPU cannot hold in any way stays a draft.
+   */
   begin(renderer: WebGLRenderer, scheme: Scheme | null): void {
     this.drop();
     if (scheme === null) return;
@@ -209,8 +211,8 @@ export class SurfaceView {
   }
 
   /**
-   * Says what the shaders write, `lfOutput` in `lf_surface.frag`. The alpha of radiance is the chart behind, which light in front does not change; what is
-   * looked up is one place a pixel, and what is blended none.
+   * Says what the shaders write, `lfOutput` in `lf_surface.frag`. The alpha of radiance is the chart behind, which light in front does not
+   * change; what is looked up is one place a pixel, and what is blended none.
    */
   setOutput(output: number): void {
     for (const { meshes, cover } of this.meshes) {

@@ -1,6 +1,6 @@
 /**
- * The textures of the schemes. All are allocated empty and filled by regions, so that a finished package, a tile that has just arrived and a
- * context that was lost and came back take one way, and no copy of what is on the GPU stays in memory.
+ * The textures of the schemes. All are allocated empty and filled by regions, so that a finished package, a tile that has just arrived and
+ * a context that was lost and came back take one way, and no copy of what is on the GPU stays in memory.
  */
 
 import {

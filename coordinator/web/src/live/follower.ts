@@ -2,12 +2,12 @@
  * Follows a job: asks for its record every two seconds, hears its events, and tells every change of what is known. All decisions are in
  * `state.ts`; this is the rim that talks.
  *
- * The browser's EventSource comes back by itself, with Last-Event-ID, after a broken connection, but gives up for good at any answer that is no
- * stream (a proxy's 502). So the record is what decides whether the coordinator is there, and a stream that was given up is opened again,
- * behind the last event, as soon as it is. The record alone would do for everything but the tiles.
+ * The browser's EventSource comes back by itself, with Last-Event-ID, after a broken connection, but gives up for good at any answer that
+ * is no stream (a proxy's 502). So the record is what decides whether the coordinator is there, and a stream that was given up is opened
+ * again, behind the last event, as soon as it is. The record alone would do for everything but the tiles.
  *
- * A page that is hidden has no stream, and of those that are shown only a few (`stream-slot.ts`): the others ask for the done tiles with each
- * record. Asking alone would be simpler, and show tiles up to two seconds later than they could be seen.
+ * A page that is hidden has no stream, and of those that are shown only a few (`stream-slot.ts`): the others ask for the done tiles with
+ * each record. Asking alone would be simpler, and show tiles up to two seconds later than they could be seen.
  */
 
 import { serviceUrl, askJson } from './http.ts';

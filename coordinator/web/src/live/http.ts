@@ -1,6 +1,6 @@
 /**
- * Questions to the coordinator. An answer is a value, a refusal in the coordinator's own words, or `away` where nobody answers: three things
- * that pages tell apart, so none of them is an exception.
+ * Questions to the coordinator. An answer is a value, a refusal in the coordinator's own words, or `away` where nobody answers: three
+ * things that pages tell apart, so none of them is an exception.
  */
 
 /** `at` is the coordinator's clock when it answered, milliseconds since 1970, by its Date header. */

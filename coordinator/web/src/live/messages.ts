@@ -1,6 +1,6 @@
 /**
- * The sentence that a page shows about the job it follows, where there is something to say: what happened, and what to do about it. One at a
- * time, the gravest first; a list of them would be read by nobody.
+ * The sentence that a page shows about the job it follows, where there is something to say: what happened, and what to do about it. One at
+ * a time, the gravest first; a list of them would be read by nobody.
  */
 
 import { clockTime } from '../ui/format.ts';

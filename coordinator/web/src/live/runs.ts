@@ -1,6 +1,6 @@
 /**
- * Sets of tiles as sorted, disjoint, non-adjacent runs: the Rust crate's `TileRuns` as far as a page needs it. A job of a million tiles is a
- * handful of these; a Set of numbers would cost the page its memory for nothing.
+ * Sets of tiles as sorted, disjoint, non-adjacent runs: the Rust crate's `TileRuns` as far as a page needs it. A job of a million tiles is
+ * a handful of these; a Set of numbers would cost the page its memory for nothing.
  */
 
 /** The tiles `start` to before `end`. */

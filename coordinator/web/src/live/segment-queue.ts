@@ -1,8 +1,8 @@
 /**
  * Which finished tiles to ask for next: those that are done, not shown, and not already asked for. Pure; the feed does the asking.
  *
- * A request takes all that is wanted up to a limit, so that tiles which come while requests are under way are asked for together. A body may
- * hold fewer tiles than were asked for; the rest is wanted again.
+ * A request takes all that is wanted up to a limit, so that tiles which come while requests are under way are asked for together. A body
+ * may hold fewer tiles than were asked for; the rest is wanted again.
  */
 
 import { type TileRun, type TileRuns, fromTiles, minus, take, union } from './runs.ts';

@@ -2,9 +2,9 @@
  * What a page knows of the job that it follows, and how that changes: a pure reducer over what the coordinator says. The follower feeds it,
  * the page draws it.
  *
- * Two sources overlap. The record (asked for every two seconds) is the truth of state, progress and problem; the events add what it does not
- * hold, the tiles that are done, and bring changes sooner. Events are replayed from the beginning when a page opens, so they may only carry
- * a job forward; the record may do anything.
+ * Two sources overlap. The record (asked for every two seconds) is the truth of state, progress and problem; the events add what it does
+ * not hold, the tiles that are done, and bring changes sooner. Events are replayed from the beginning when a page opens, so they may only
+ * carry a job forward; the record may do anything.
  */
 
 import { type JobEvent, type JobRecord, type JobState, type Phase, type Snapshot, isFinal } from './records.ts';

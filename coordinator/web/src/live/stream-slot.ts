@@ -1,10 +1,11 @@
 /**
- * The right to hold an event stream. A browser opens six connections to a coordinator that speaks HTTP/1.1, for all its windows together, and a
- * stream keeps one for as long as it lasts: six windows on jobs would lock every page of that coordinator out. So the windows of a browser share
- * a few slots, which are Web Locks: the browser frees one when its window goes, however it goes.
+ * The right to hold an event stream. A browser opens six connections to a coordinator that speaks HTTP/1.1, for all its windows together,
+ * and a stream keeps one for as long as it lasts: six windows on jobs would lock every page of that coordinator out. So the windows of a
+ * browser share a few slots, which are Web Locks: the browser frees one when its window goes, however it goes.
  *
  * One window that streams for the others would serve two windows on one job better, and six windows on six jobs not at all; who has no slot
- * asks for the tiles instead. Web Locks exist in secure contexts alone (https, localhost): elsewhere each page that is shown has its own stream.
+ * asks for the tiles instead. Web Locks exist in secure contexts alone (https, localhost): elsewhere each page that is shown has its own
+ * stream.
  */
 
 /** Streams of one browser: what is left of six connections is enough for records, tiles and packages. */

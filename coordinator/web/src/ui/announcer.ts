@@ -1,6 +1,6 @@
 /**
- * Places that screen readers hear. A sentence of a `Notice` is spoken when it changes, not each time it is found unchanged; an `Announcer` speaks
- * at most every few seconds, the latest of what came: progress that is told with every tile would drown everything else.
+ * Places that screen readers hear. A sentence of a `Notice` is spoken when it changes, not each time it is found unchanged; an `Announcer`
+ * speaks at most every few seconds, the latest of what came: progress that is told with every tile would drown everything else.
  */
 
 import type { Message } from '../live/messages.ts';

@@ -1,6 +1,6 @@
 /**
- * The few things that the pages ask of the DOM. A framework would be larger than all pages together, and what they draw changes by a text or
- * an attribute at a time. Text is always set as text: nothing that comes from outside is ever parsed as HTML.
+ * The few things that the pages ask of the DOM. A framework would be larger than all pages together, and what they draw changes by a text
+ * or an attribute at a time. Text is always set as text: nothing that comes from outside is ever parsed as HTML.
  */
 
 type Attributes = Record<string, string | number | boolean | null>;
@@ -33,8 +33,8 @@ export function setText(node: Node, text: string): void {
 }
 
 /**
- * Hides what has no use now, or shows it again. Where it has the focus, the first of `heirs` that is shown gets it: what is hidden loses the focus,
- * and a keyboard would begin again at the top of the page.
+ * Hides what has no use now, or shows it again. Where it has the focus, the first of `heirs` that is shown gets it: what is hidden loses
+ * the focus, and a keyboard would begin again at the top of the page.
  */
 export function setHidden(element: HTMLElement, hidden: boolean, ...heirs: HTMLElement[]): void {
   const focused = hidden && element.contains(document.activeElement);

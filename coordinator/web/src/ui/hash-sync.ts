@@ -1,6 +1,6 @@
 /**
- * Keeps the camera of a viewer and the fragment of the page's address together. The address is replaced, not pushed: the back button leaves the
- * page rather than undoing a drag.
+ * Keeps the camera of a viewer and the fragment of the page's address together. The address is replaced, not pushed: the back button leaves
+ * the page rather than undoing a drag.
  */
 
 import type { KilnViewerElement } from '../viewer/api.ts';

@@ -1,6 +1,7 @@
 /**
- * The camera in the fragment of a page's address, `#eye=x,y,z&target=x,y,z&fov=f` in metres and degrees, or `#camera=NAME` for one of the author's:
- * so that a view can be bookmarked, sent and written by hand. Anything malformed is no camera; other parts of the fragment are ignored.
+ * The camera in the fragment of a page's address, `#eye=x,y,z&target=x,y,z&fov=f` in metres and degrees, or `#camera=NAME` for one of the
+ * author's: so that a view can be bookmarked, sent and written by hand. Anything malformed is no camera; other parts of the fragment are
+ * ignored.
  */
 
 export interface HashCamera {

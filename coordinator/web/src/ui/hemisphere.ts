@@ -1,6 +1,6 @@
 /**
- * The light of one texel toward all directions, as a disc seen from above it: the picture that tells a highlight from noise. `polar.ts` has the
- * geometry. Drawn on a canvas: a grid may have thousands of sectors, and as SVG each would be an element.
+ * The light of one texel toward all directions, as a disc seen from above it: the picture that tells a highlight from noise. `polar.ts` has
+ * the geometry. Drawn on a canvas: a grid may have thousands of sectors, and as SVG each would be an element.
  */
 
 import type { TexelSample } from '../viewer/api.ts';

@@ -1,6 +1,6 @@
 /**
- * The panel beside a viewer: how it draws, what it costs, and the hemisphere of the texel that was clicked. It knows the viewer by its public face
- * alone, so that any page can put the two together.
+ * The panel beside a viewer: how it draws, what it costs, and the hemisphere of the texel that was clicked. It knows the viewer by its
+ * public face alone, so that any page can put the two together.
  */
 
 import type { KilnViewerElement, TexelSample, ViewMode } from '../viewer/api.ts';

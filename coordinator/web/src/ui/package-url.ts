@@ -3,8 +3,8 @@
 const BESIDE = 'package/manifest.json';
 
 /**
- * The manifest's URL for a page at `base` with the query `search`. Null where `?src=` names another origin: a link to a page must not make it load
- * whatever its author likes.
+ * The manifest's URL for a page at `base` with the query `search`. Null where `?src=` names another origin: a link to a page must not make
+ * it load whatever its author likes.
  */
 export function packageUrl(search: string, base: string): string | null {
   const asked = new URLSearchParams(search).get('src') ?? BESIDE;

@@ -1,7 +1,7 @@
 /**
- * Geometry of the hemisphere plot: a direction grid as rings and sectors of the unit disc, seen from above the surface. theta 0 is the centre,
- * 90 degrees the rim; phi runs counter-clockwise from the right, as the texel's tangent points. Equal steps of theta are equally wide rings:
- * an equal-area map would squeeze the grazing rings, which are where light fields vary most.
+ * Geometry of the hemisphere plot: a direction grid as rings and sectors of the unit disc, seen from above the surface. theta 0 is the
+ * centre, 90 degrees the rim; phi runs counter-clockwise from the right, as the texel's tangent points. Equal steps of theta are equally
+ * wide rings: an equal-area map would squeeze the grazing rings, which are where light fields vary most.
  *
  * Points are (x, y) with y upward; callers with y downward turn it over. Angles are degrees.
  */

@@ -1,6 +1,6 @@
 /**
- * A picture that the coordinator draws of a finished job. It draws few at once and refuses the rest, so a picture that did not come is asked for
- * again, ever more rarely: why it did not come, an image element does not tell, and some packages will never have one.
+ * A picture that the coordinator draws of a finished job. It draws few at once and refuses the rest, so a picture that did not come is
+ * asked for again, ever more rarely: why it did not come, an image element does not tell, and some packages will never have one.
  */
 
 import { serviceUrl } from '../live/http.ts';

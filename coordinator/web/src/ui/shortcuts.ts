@@ -1,6 +1,6 @@
 /**
- * Keys of a page with a viewer. Those that move the camera are the viewer's own; these, too, work only while the view or the inspector has the
- * focus: who speaks to a computer would trigger single letters of a whole page with any word (WCAG 2.1.4). The help lists both.
+ * Keys of a page with a viewer. Those that move the camera are the viewer's own; these, too, work only while the view or the inspector has
+ * the focus: who speaks to a computer would trigger single letters of a whole page with any word (WCAG 2.1.4). The help lists both.
  */
 
 import { el } from './dom.ts';
@@ -30,7 +30,9 @@ const KEYS: [string[], string][] = [
   [['?'], 'this help'],
 ];
 
-/** Where a key was pressed: in a field that wants letters and digits for itself, elsewhere in the view or the inspector, or anywhere else. */
+/**
+ * Where a key was pressed: in a field that wants letters and digits for itself, elsewhere in the view or the inspector, or anywhere else.
+ */
 export type Place = 'field' | 'inside' | 'outside';
 
 /** Which of the keys an event means; null where it means none. Escape is no letter, and closes from anywhere. */

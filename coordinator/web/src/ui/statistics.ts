@@ -1,4 +1,6 @@
-/** Figures of the frame drawn last. Written four times a second at most: faster, nobody can read them, and writing them would cost frames. */
+/**
+ * Figures of the frame drawn last. Written four times a second at most: faster, nobody can read them, and writing them would cost frames.
+ */
 
 import type { KilnViewerElement, ViewerStats } from '../viewer/api.ts';
 import { Terms, el } from './dom.ts';

@@ -1,5 +1,6 @@
 /**
- * The page of a package alone: in a folder of any web server beside its `package/`, and for `kiln view`. It asks nothing but the package's files.
+ * The page of a package alone: in a folder of any web server beside its `package/`, and for `kiln view`. It asks nothing but the package's
+ * files.
  */
 
 import '../viewer/element.ts';

@@ -148,7 +148,10 @@ export interface KilnViewerElement extends HTMLElement {
   /** Budget for textures, MiB. */
   memoryBudget: number;
   autoRotate: boolean;
-  /** The author's camera that is the first view; empty for a view that the viewer chooses. A name that the scene does not have counts as empty. */
+  /**
+   * The author's camera that is the first view; empty for a view that the viewer chooses. A name that the scene does not have counts as
+   * empty.
+   */
   cameraName: string;
   /** Whether the camera stands elsewhere than in the first view. */
   readonly cameraMoved: boolean;
@@ -173,10 +176,12 @@ export interface KilnViewerElement extends HTMLElement {
   jumpCameraToGoal(): void;
   toDataURL(type?: string, quality?: number): string;
   toBlob(options?: { mimeType?: string; qualityArgument?: number }): Promise<Blob>;
-  /** A view of this size in floats, four a pixel, bottom row first. `radiance`: linear radiance x 2^stops, of each layer at most
-   * 16,000, and as alpha the number of the chart, from 1, 0 behind the scene, where the environment is unless it is hidden; what is not baked is 0.
-   * `lookup`: what is looked up there: u, v, and x and y of the direction toward the eye in the texel's frame.
-   * Chart and look-up are those of what is opaque; glass before it is in the radiance alone. */
+  /**
+   * A view of this size in floats, four a pixel, bottom row first. `radiance`: linear radiance x 2^stops, of each layer at most 16,000, and
+   * as alpha the number of the chart, from 1, 0 behind the scene, where the environment is unless it is hidden; what is not baked is 0.
+   * `lookup`: what is looked up there: u, v, and x and y of the direction toward the eye in the texel's frame. Chart and look-up are those
+   * of what is opaque; glass before it is in the radiance alone.
+   */
   renderFloats(what: 'radiance' | 'lookup', width: number, height: number): Float32Array;
   /** Draws frames one after another, each finished before the next begins; their milliseconds. */
   benchmark(frames: number): number[];

@@ -1,6 +1,6 @@
 /**
- * The author's cameras as views of this viewer, which orbits an upright camera with a perspective around a target. A camera that is rolled is set
- * upright; an orthographic one becomes a lens from so far away that its view is all but parallel.
+ * The author's cameras as views of this viewer, which orbits an upright camera with a perspective around a target. A camera that is rolled
+ * is set upright; an orthographic one becomes a lens from so far away that its view is all but parallel.
  */
 
 import type { Vec3 } from '../format/bytes.ts';

@@ -1,6 +1,7 @@
 /**
- * Orbiting by mouse, touch and keyboard. The pointer is three's OrbitControls; keys move the same camera, since a view that only a mouse can turn
- * shuts people out. Nothing is damped: frames are drawn when something changes, and a view that glides on draws for seconds after every touch.
+ * Orbiting by mouse, touch and keyboard. The pointer is three's OrbitControls; keys move the same camera, since a view that only a mouse
+ * can turn shuts people out. Nothing is damped: frames are drawn when something changes, and a view that glides on draws for seconds after
+ * every touch.
  */
 
 import { type PerspectiveCamera, Spherical, Vector3 } from 'three';

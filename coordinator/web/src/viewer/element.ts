@@ -1,8 +1,9 @@
 /**
- * `<kiln-viewer src="…/manifest.json">`: a baked scene in a page. Attributes, methods and events follow model-viewer's conventions, so that who knows one
- * knows the other; `api.ts` has them all.
+ * `<kiln-viewer src="…/manifest.json">`: a baked scene in a page. Attributes, methods and events follow model-viewer's conventions, so
+ * that who knows one knows the other; `api.ts` has them all.
  *
- * The element translates between HTML and the {@link Stage}. Without WebGL 2 it stays an element that says so, fires `error`, and keeps its poster.
+ * The element translates between HTML and the {@link Stage}. Without WebGL 2 it stays an element that says so, fires `error`, and keeps its
+ * poster.
  */
 
 import { LightFieldLoader } from '../loader.ts';

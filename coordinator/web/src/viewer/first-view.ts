@@ -21,7 +21,10 @@ export interface CameraGoals {
 /** A box, metres. */
 type Bounds = LightField['bounds'];
 
-/** The first view: what was asked of it but for the orbit, and for the rest the author's camera of that name, or what `field/camera.ts` chooses. */
+/**
+ * The first view: what was asked of it but for the orbit, and for the rest the author's camera of that name, or what `field/camera.ts`
+ * chooses.
+ */
 export function firstView(field: LightField, { target, fieldOfView, name }: CameraGoals, aspect: number): Camera {
   const chosen = firstCamera(field, name ?? '', fieldOfView, aspect);
   const centre: Vec3 = target ?? chosen.target;

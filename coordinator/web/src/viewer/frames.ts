@@ -1,7 +1,7 @@
 /**
  * When frames are drawn, and how long they take. On demand: a request draws once at the next animation frame, and a page at rest costs
- * nothing. A frame's time runs from its submission to the moment the GPU has finished it, which a fence tells in every browser; timer queries would
- * be finer and are switched off in many.
+ * nothing. A frame's time runs from its submission to the moment the GPU has finished it, which a fence tells in every browser; timer
+ * queries would be finer and are switched off in many.
  */
 
 /** Frames further apart than this do not follow each other. */

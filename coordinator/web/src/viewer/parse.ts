@@ -1,4 +1,7 @@
-/** Values of attributes; those of cameras in model-viewer's notation: `45deg 75deg 4m`, `0m 1m 0m`, `30deg`; bare numbers are degrees and metres. */
+/**
+ * Values of attributes; those of cameras in model-viewer's notation: `45deg 75deg 4m`, `0m 1m 0m`, `30deg`; bare numbers are degrees and
+ * metres.
+ */
 
 import type { OrbitPosition } from './api.ts';
 

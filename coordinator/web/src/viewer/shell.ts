@@ -1,4 +1,7 @@
-/** The inside of `<kiln-viewer>`: the canvas, and over it poster, progress bar and message. What is slotted goes when the built-in part would. */
+/**
+ * The inside of `<kiln-viewer>`: the canvas, and over it poster, progress bar and message. What is slotted goes when the built-in part
+ * would.
+ */
 
 import { STYLE } from './style.ts';
 

@@ -1,6 +1,6 @@
 /**
- * What `<kiln-viewer>` shows: a renderer on a canvas, one light field at a time, a camera, and what it takes to get a frame of them. The element around it
- * knows attributes and events, this knows three.js.
+ * What `<kiln-viewer>` shows: a renderer on a canvas, one light field at a time, a camera, and what it takes to get a frame of them. The
+ * element around it knows attributes and events, this knows three.js.
  *
  * Every wait ends in a look whether its result is still wanted: pages change their mind while megabytes are on their way.
  */
@@ -82,8 +82,8 @@ export class Stage {
   }
 
   /**
-   * Shows a field; resolves when its first complete picture can be drawn, at once where another has replaced it meanwhile. What is shown now stays
-   * until then, if the budget has room for both: a job that has just been baked does not fall back to its draft.
+   * Shows a field; resolves when its first complete picture can be drawn, at once where another has replaced it meanwhile. What is shown
+   * now stays until then, if the budget has room for both: a job that has just been baked does not fall back to its draft.
    */
   async show(field: LightField, began = performance.now()): Promise<void> {
     const object = new LightFieldObject(field, this.renderer);
