@@ -4,7 +4,7 @@
 #   OUT=folder        where packages and figures go (default: kiln-soak in TMPDIR)
 #   SAMPLES=1024      samples of the full-size bake
 #   THREADS=0         threads of the bake; 0 is all cores
-#   FUZZ=600          seconds for each fuzz target (needs a nightly toolchain and cargo-fuzz); 0 leaves them out
+#   FUZZ=600          seconds of processor time for each fuzz target (needs a nightly toolchain); 0 leaves them out
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -73,16 +73,9 @@ cargo bench -p kiln-worker --bench capture | tee "$OUT/capture.jsonl"
 step "how well charts fill their textures"
 cargo bench -p kiln-coordinator --bench unwrap | tee "$OUT/unwrap.jsonl"
 
-# What libFuzzer finds beside the seeds stays in OUT; a new crash is kept in fuzz/artifacts and belongs into fuzz/corpus once it is mended.
-# An image may declare 2 GiB of pixels, within the limits; anything above four is a leak.
 if [ "$FUZZ" != 0 ]; then
-    command -v cargo-fuzz > /dev/null || cargo install --locked cargo-fuzz
-    for target in fuzz/fuzz_targets/*.rs; do
-        name=$(basename "$target" .rs)
-        step "fuzzing $name for $FUZZ s"
-        mkdir -p "$OUT/corpus/$name"
-        cargo +nightly fuzz run "$name" "$OUT/corpus/$name" "fuzz/corpus/$name" -- -max_total_time="$FUZZ" -timeout=20 -rss_limit_mb=4096 -max_len=65536
-    done
+    step "fuzzing each parser for $FUZZ s of processor time"
+    tests/fuzz.sh "$OUT/fuzz" "$FUZZ"
 fi
 
 step "done: figures and packages are in $OUT"
