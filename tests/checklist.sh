@@ -3,8 +3,8 @@
 #   tests/checklist.sh FOLDER     packages and PNGs go there
 #   KILN=target/debug/kiln
 set -euo pipefail
+OUT=$(realpath -m "${1:?where to put the pictures: tests/checklist.sh FOLDER}")
 cd "$(dirname "$0")/.."
-OUT=${1:?where to put the pictures: tests/checklist.sh FOLDER}
 KILN=${KILN:-target/debug/kiln}
 SCENES=tests/scenes/checklist
 SKY="--environment $SCENES/sky.hdr"

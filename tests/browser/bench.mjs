@@ -1,4 +1,5 @@
-// node bench.mjs URL GPU: what the ways to draw a package cost, one JSON line each: time to the first complete picture, frame times, texture memory.
+// node bench.mjs URL GPU: what the ways to draw a package cost, one JSON line each: time to the first complete picture, frame times,
+// texture memory.
 import { check, load, open, script } from './browser.mjs';
 
 const [WIDTH, HEIGHT] = [640, 480];

@@ -1,5 +1,5 @@
-// node cover.mjs URL GPU: the package of page_cover.rs: what shows through, both sides, parts, drafts and the author's cameras. KILN_PICTURES names a
-// folder for pictures to look at.
+// node cover.mjs URL GPU: the package of page_cover.rs: what shows through, both sides, parts, drafts and the author's cameras.
+// KILN_PICTURES names a folder for pictures to look at.
 import fs from 'node:fs';
 import path from 'node:path';
 import { check, load, open, script } from './browser.mjs';
@@ -86,7 +86,10 @@ async function picks(page) {
   check(JSON.stringify(model[5]) === '["leaf~back",4,1]' && model[6][2] === 2, `the model is ${JSON.stringify(model)}`);
 }
 
-/** The texels of the environment, seen from above the scene: looked up as docs/light-transport.md says, behind everything, and nothing to pick. */
+/**
+ * The texels of the environment, seen from above the scene: looked up as docs/light-transport.md says, behind everything, and nothing to
+ * pick.
+ */
 async function environment(page, picture) {
   const toward = (i, j) => {
     const [around, up] = [((i + 0.5) / 8 - 0.5) * 2 * Math.PI - 0.3, ((j + 0.5) / 4 - 0.5) * Math.PI];

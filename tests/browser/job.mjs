@@ -152,7 +152,8 @@ await script(async ([story, url, gpu, job]) => {
   const { browser, page, faults } = await open(gpu);
   await page.goto(`${url}/jobs/${job}`);
   await stories[story](page);
-  // What a story provokes (answers that are failed loads, a context that cannot be had) is on the console; anything else is a fault of the page.
+  // What a story provokes (answers that are failed loads, a context that cannot be had) is on the console; anything else is a fault of the
+  // page.
   const own = faults.filter((fault) => !/Failed to load resource|net::ERR_/.test(fault) && !(gpu === 'none' && /WebGL/.test(fault)));
   check(own.length === 0, own.join('\n'));
   await browser.close();

@@ -1,6 +1,8 @@
-// node parity.mjs URL GPU OUT WIDTH HEIGHT CAMERAS SCHEMES: what the page's viewer draws and looks up, as float32 RGBA files, for each scheme and camera.
+// node parity.mjs URL GPU OUT WIDTH HEIGHT CAMERAS SCHEMES: what the page's viewer draws and looks up, as float32 RGBA files, for each
+// scheme and camera.
 //
-// CAMERAS is a JSON list of {eye, target, fov}, SCHEMES one of [scheme, filter]. The Rust side compares the files with its own renderer; nothing is judged here.
+// CAMERAS is a JSON list of {eye, target, fov}, SCHEMES one of [scheme, filter]. The Rust side compares the files with its own renderer;
+// nothing is judged here.
 import fs from 'node:fs';
 import path from 'node:path';
 import { check, load, open, say, script } from './browser.mjs';

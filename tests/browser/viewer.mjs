@@ -1,4 +1,5 @@
-// node viewer.mjs URL GPU: the viewer by itself, on a package that kept raw radiance: modes, picks, keyboard, budget, a lost context, a broken shader.
+// node viewer.mjs URL GPU: the viewer by itself, on a package that kept raw radiance: modes, picks, keyboard, budget, a lost context, a
+// broken shader.
 import { check, load, open, say, script } from './browser.mjs';
 
 /** What the canvas shows: its mean brightness and how many of its pixels are background. */
@@ -45,8 +46,8 @@ async function modes(page, src) {
 }
 
 /**
- * Every pixel is decoded once, whatever lies behind it. Added up instead of replaced, the chart numbers of a pixel are those of one fragment; without
- * the depth pre-pass, which shows that this can fail, they are not.
+ * Every pixel is decoded once, whatever lies behind it. Added up instead of replaced, the chart numbers of a pixel are those of one
+ * fragment; without the depth pre-pass, which shows that this can fail, they are not.
  */
 async function hiddenFragments(page) {
   const [prepass, none] = await page.evaluate(() => {

@@ -68,8 +68,8 @@ impl Script {
         }
     }
 
-    /// Waits for its end, which must be a good one; everything that it said and nobody has waited for. A script that draws many pictures on a busy
-    /// machine takes long and says something now and then: patience is lost with one that is silent.
+    /// Waits for its end, which must be a good one; everything that it said and nobody has waited for. A script that draws many pictures on
+    /// a busy machine takes long and says something now and then: patience is lost with one that is silent.
     pub(crate) fn finish(mut self) -> Vec<Value> {
         let mut said = vec![];
         loop {

@@ -1,5 +1,5 @@
-//! `--environment` as its users meet it: an HDR through `kiln bake` and an OpenEXR through the service, held against a sum over the sky that
-//! knows nothing of the program, and seen behind the scene by `kiln render`.
+//! `--environment` as its users meet it: an HDR through `kiln bake` and an OpenEXR through the service, held against a sum over the sky
+//! that knows nothing of the program, and seen behind the scene by `kiln render`.
 
 use crate::harness::{Server, runtime, succeed};
 use glam::DVec3;

@@ -1,8 +1,8 @@
 //! A disk without room, for real: the job says so, and the service goes on.
 //!
 //! Filling a disk of the machine is out of the question, and a file system of one's own cannot be mounted by everybody. A limit on the size
-//! of a file can be set by every user and binds root as well: writing beyond it fails in the middle of a file as on a full disk, while small
-//! files still find room. Where a file system may be mounted, a small one is filled to the last byte.
+//! of a file can be set by every user and binds root as well: writing beyond it fails in the middle of a file as on a full disk, while
+//! small files still find room. Where a file system may be mounted, a small one is filled to the last byte.
 
 use crate::harness::{LARGE, PATIENCE, Server, assert_same_package, bake_room, room, succeed};
 use serde_json::Value;
@@ -54,8 +54,8 @@ fn a_file_that_finds_no_room_stops_its_job_and_no_other() {
     let dir = TempDir::new().unwrap();
     let config = dir.path().join("kiln.toml");
     std::fs::write(&config, "[chunks]\nbytes = 2000000\n").unwrap();
-    // 16 MiB a file: more than the database, a chunk or the small job's files, and half of the large job's largest. The signal that comes with
-    // the error would kill the process; a full disk sends none.
+    // 16 MiB a file: more than the database, a chunk or the small job's files, and half of the large job's largest. The signal that comes
+    // with the error would kill the process; a full disk sends none.
     let limit = ["bash", "-euc", "trap '' XFSZ; ulimit -f 16384; exec \"$@\"", "bash"];
     let server = Server::start_through(&limit, &dir.path().join("data"), &["--config", config.to_str().unwrap()]);
     let _worker = server.worker(&[]);

@@ -1,4 +1,5 @@
-//! What a baked scene is beside light: masks with holes, glass, both sides, parts, lights of a draft, the environment, the author's cameras, in the viewer.
+//! What a baked scene is beside light: masks with holes, glass, both sides, parts, lights of a draft, the environment, the author's
+//! cameras, in the viewer.
 
 use crate::{
     browser::{GPUS, Script},
@@ -36,8 +37,8 @@ fn materials() -> Vec<Material> {
     ]
 }
 
-/// A wall, and before it side by side a fence, glass, a thin pane, a leaf and a surface of two parts; above them a ball, and two panes one behind the
-/// other, the nearer first in its surface; around them an environment that is another in each texel. `cover.mjs` knows where.
+/// A wall, and before it side by side a fence, glass, a thin pane, a leaf and a surface of two parts; above them a ball, and two panes one
+/// behind the other, the nearer first in its surface; around them an environment that is another in each texel. `cover.mjs` knows where.
 fn scene() -> Scene {
     let mut scene = Scene { materials: materials(), ..Scene::empty() };
     let alpha = [255, 0, 0, 255].iter().flat_map(|a| [255, 255, 255, *a]).collect();

@@ -1,4 +1,5 @@
-//! The pages of the service in a browser, end to end: a job watched while it bakes, and everything that may go wrong while somebody watches.
+//! The pages of the service in a browser, end to end: a job watched while it bakes, and everything that may go wrong while somebody
+//! watches.
 
 use crate::{
     browser::{GPUS, Script},

@@ -53,8 +53,8 @@ fn first_of_every_surface(text: &str) -> Vec<&str> {
     std::iter::once(header).chain(chosen).collect()
 }
 
-/// What the errors of a surface's texels add up to, and the standard deviation of that sum: the texels are independent, so it is the root of
-/// n times the sample variance of their errors about their mean. About zero instead of the mean, a common bias would count as noise.
+/// What the errors of a surface's texels add up to, and the standard deviation of that sum: the texels are independent, so it is the root
+/// of n times the sample variance of their errors about their mean. About zero instead of the mean, a common bias would count as noise.
 fn bias_and_sigma(errors: &[f64]) -> (f64, f64) {
     let n = errors.len() as f64;
     let sum: f64 = errors.iter().sum();

@@ -8,7 +8,7 @@ use std::{fs, path::Path};
 #[derive(Debug, Default)]
 pub(super) struct Difference {
     pub(super) compared: usize,
-    /// Pixels that see different charts.
+    /// Pixels that are edges, which are not compared.
     pub(super) edges: usize,
     /// The largest difference of a channel, levels.
     pub(super) max: f32,
@@ -54,13 +54,14 @@ impl Expected {
     }
 }
 
-/// Compares a picture of the page with what its pixels may show. A pixel in which several charts are seen, or another than the page sees, is an edge.
+/// Compares a picture of the page with what its pixels may show. A pixel in which several charts are seen, or another than the page sees,
+/// is an edge.
 pub(super) fn compare_pictures(expected: &[Expected], page: &[[f32; 4]]) -> Difference {
     compare(expected, page, 1.0, |pixel, shown| pixel.charts != [shown[3] as u32])
 }
 
-/// The same where surfaces are seen through others: a pixel in which the reference itself varies by more than `steep` levels is an edge, for which charts
-/// are no measure: the border of a mask, of a tint, of what is clear. `allowed` levels are not off.
+/// The same where surfaces are seen through others: a pixel in which the reference itself varies by more than `steep` levels is an edge,
+/// for which charts are no measure: the border of a mask, of a tint, of what is clear. `allowed` levels are not off.
 pub(super) fn compare_through(expected: &[Expected], page: &[[f32; 4]], steep: f32, allowed: f32) -> Difference {
     compare(expected, page, allowed, |pixel, _| pixel.span.iter().flatten().any(|(low, high)| high - low > steep))
 }
@@ -73,7 +74,8 @@ fn compare(expected: &[Expected], page: &[[f32; 4]], allowed: f32, is_edge: impl
         if is_edge(pixel, shown) {
             difference.edges += 1;
         } else if shown[3] > 0.0 || !pixel.charts.contains(&0) {
-            // Where the reference sees surfaces and the page nothing opaque, its light tells glass before nothing from a surface that is not drawn.
+            // Where the reference sees surfaces and the page nothing opaque, its light tells glass before nothing from a surface that is
+            // not drawn.
             let outside =
                 |(v, span): (&f32, &Option<(f32, f32)>)| span.map_or(0.0, |(low, high)| (low - level(*v)).max(level(*v) - high).max(0.0));
             difference.add(shown.iter().zip(&pixel.span).map(outside), allowed);

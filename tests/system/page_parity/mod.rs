@@ -1,11 +1,11 @@
 //! The page against the reference: look-ups and pictures, for each scheme, on both software GPUs.
 //!
-//! *Look-ups*: the shader says for every pixel what it looks up (texture coordinate, direction) and what it finds; the Rust decoder looks up
-//! the same. No pixel is left out. *Pictures*: the page's radiance against `kiln render`'s own ray casting. Pixels where the two see different
-//! charts are edges, where a triangle's border falls between two roundings; they are counted, and are few. llvmpipe places what it draws to
-//! 1/256 of a pixel, so that its pictures are held to the same bounds. SwiftShader snaps corners to 1/16, and noise is not the same a
-//! sixteenth of a pixel further: there, a pixel must have a value that the reference has somewhere within it, give or take a level; one in a
-//! thousand may not, where many texels fall into a pixel.
+//! *Look-ups*: the shader says for every pixel what it looks up (texture coordinate, direction) and what it finds; the Rust decoder looks
+//! up the same. No pixel is left out. *Pictures*: the page's radiance against `kiln render`'s own ray casting. Pixels where the two see
+//! different charts are edges, where a triangle's border falls between two roundings; they are counted, and are few. llvmpipe places what
+//! it draws to 1/256 of a pixel, so that its pictures are held to the same bounds. SwiftShader snaps corners to 1/16, and noise is not the
+//! same a sixteenth of a pixel further: there, a pixel must have a value that the reference has somewhere within it, give or take a level;
+//! one in a thousand may not, where many texels fall into a pixel.
 //!
 //! Differences are in levels of 1/255 as displayed. On a failure the figures of all schemes are in the message.
 
@@ -14,7 +14,7 @@ mod difference;
 mod reference;
 
 use self::{
-    difference::{compare_pictures, floats},
+    difference::{Expected, compare_pictures, floats},
     reference::Reference,
 };
 use crate::{
@@ -113,20 +113,37 @@ fn shoot(gpu: &str, package: &Path, looks: &[Look], schemes: &[Scheme]) -> Vec<S
     shots
 }
 
-/// Runs the page on `gpu` and compares every scheme: at most one level with exact filtering, two where the GPU filters. Pictures are compared with
-/// `within` x `within` rays a pixel: one where the GPU places exactly what it draws.
-fn compare_on(gpu: &str, package: &Path, looks: &[Look], within: u32) {
+/// Draws all views of a package on `gpu` with each scheme, beside the renderer's pictures with `within` x `within` rays a pixel. `judge`
+/// tells the figures of a shot, and whether they are good enough.
+fn compare_each(
+    (gpu, package): (&str, &Path),
+    (looks, schemes): (&[Look], &[Scheme]),
+    within: u32,
+    judge: impl Fn(&Reference, &Shot, &[Expected]) -> (String, bool),
+) {
     let reference = Reference::open(package);
-    let (mut report, mut bad, mut pictures) = (String::new(), false, BTreeMap::new());
-    for shot in shoot(gpu, package, looks, &SCHEMES) {
-        let Shot { scheme, filter, camera, .. } = &shot;
+    let (mut report, mut good, mut pictures) = (String::new(), true, BTreeMap::new());
+    for shot in shoot(gpu, package, looks, schemes) {
         let origin = shot.origin();
-        let found = reference.compare_lookups(origin, &shot.radiance, &shot.lookup);
-        let picture = || reference.picture(package, origin, looks[*camera], within);
-        let shown = compare_pictures(pictures.entry((origin == Origin::Raw, *camera)).or_insert_with(picture), &shot.radiance);
-        let line = format!(
-            "{gpu} {scheme} {filter} camera {camera}: look-ups: {} pixels, largest difference {:.3}, mean {:.4}; \
-             picture: largest {:.3}, mean {:.4}, {} off by more than one, {} of {} pixels at edges\n",
+        let picture = || reference.picture(package, origin, looks[shot.camera], within);
+        let (figures, is_good) = judge(&reference, &shot, pictures.entry((origin == Origin::Raw, shot.camera)).or_insert_with(picture));
+        let line = format!("{gpu} {} {} camera {}: {figures}\n", shot.scheme, shot.filter, shot.camera);
+        print!("{line}");
+        report += &line;
+        good &= is_good;
+    }
+    assert!(good, "{report}");
+}
+
+/// Look-ups and pictures of what covers all: at most one level with exact filtering, two where the GPU filters. `within` is one where the
+/// GPU places exactly what it draws.
+fn compare_on(gpu: &str, package: &Path, looks: &[Look], within: u32) {
+    compare_each((gpu, package), (looks, &SCHEMES), within, |reference, shot, expected| {
+        let found = reference.compare_lookups(shot.origin(), &shot.radiance, &shot.lookup);
+        let shown = compare_pictures(expected, &shot.radiance);
+        let figures = format!(
+            "look-ups: {} pixels, largest difference {:.3}, mean {:.4}; \
+             picture: largest {:.3}, mean {:.4}, {} off by more than one, {} of {} pixels at edges",
             found.compared,
             found.max,
             found.mean(),
@@ -136,15 +153,13 @@ fn compare_on(gpu: &str, package: &Path, looks: &[Look], within: u32) {
             shown.edges,
             shown.edges + shown.compared
         );
-        print!("{line}");
-        report += &line;
-        bad |= found.max > shot.allowed() || found.compared < (SIZE.0 * SIZE.1 / 8) as usize;
-        // Of all pixels few are edges: more where any of several rays makes one.
+        let is_found = found.max <= shot.allowed() && found.compared >= (SIZE.0 * SIZE.1 / 8) as usize;
         // Where a pixel holds many texels, several rays do not find all that it may show.
-        bad |= if within == 1 { shown.max > shot.allowed() } else { shown.off * 1_000 > shown.compared };
-        bad |= shown.edges * 50 > (shown.edges + shown.compared) * within as usize;
-    }
-    assert!(!bad, "{report}");
+        let is_shown = if within == 1 { shown.max <= shot.allowed() } else { shown.off * 1_000 <= shown.compared };
+        // Of all pixels few are edges: more where any of several rays makes one.
+        let are_few = shown.edges * 50 <= (shown.edges + shown.compared) * within as usize;
+        (figures, is_found && is_shown && are_few)
+    });
 }
 
 #[test]
