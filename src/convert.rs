@@ -1,8 +1,8 @@
 //! `kiln convert`: a scene in another format. Any scene that is imported becomes glTF; X3D becomes X3D in another encoding, with the shadow
 //! shortcut written out where that is asked for.
 //!
-//! What a format cannot say is told as a warning, so that nobody finds out by looking at the result. There is no X3D from other formats: the
-//! canonical scene has lost what makes X3D worth writing (names of nodes, animations, extensions).
+//! What a format cannot say is told as a warning, so that nobody finds out by looking at the result. There is no X3D from other formats:
+//! the canonical scene has lost what makes X3D worth writing (names of nodes, animations, extensions).
 
 use crate::{
     api,

@@ -50,13 +50,27 @@ impl ImportArgs {
 
     /// The options given that say what a scene is to look like, and so nothing to a file that is written as its author has it.
     pub fn of_the_scene(&self) -> Vec<&'static str> {
+        // By name, so that no option can be forgotten. The root names files and the time is asked for by itself; rotation and intensity
+        // need an environment.
+        let Self {
+            root: _,
+            time: _,
+            environment,
+            environment_rotation: _,
+            environment_intensity: _,
+            up,
+            light_units,
+            x3d_shadows,
+            x3d_projectors,
+            x3d_outside_map,
+        } = self;
         let given = [
-            ("--up", self.up.is_some()),
-            ("--environment", self.environment.is_some()),
-            ("--light-units", self.light_units.is_some()),
-            ("--x3d-shadows", self.x3d_shadows.is_some()),
-            ("--x3d-projectors", self.x3d_projectors.is_some()),
-            ("--x3d-outside-map", self.x3d_outside_map.is_some()),
+            ("--up", up.is_some()),
+            ("--environment", environment.is_some()),
+            ("--light-units", light_units.is_some()),
+            ("--x3d-shadows", x3d_shadows.is_some()),
+            ("--x3d-projectors", x3d_projectors.is_some()),
+            ("--x3d-outside-map", x3d_outside_map.is_some()),
         ];
         given.into_iter().filter(|(_, given)| *given).map(|(flag, _)| flag).collect()
     }

@@ -1,7 +1,7 @@
 //! A package on disk, read a few texels at a time: no command that works on one holds more of it than it looks at.
 //!
-//! Here is what concerns folders and files; the readers of a surface's files are [`kiln_proto::format::stream`]'s, which the coordinator uses
-//! on blobs. Reads are positioned (`pread`), so that threads share a file without a lock.
+//! Here is what concerns folders and files; the readers of a surface's files are [`kiln_proto::format::stream`]'s, which the coordinator
+//! uses on blobs. Reads are positioned (`pread`), so that threads share a file without a lock.
 
 #[cfg(test)]
 pub(crate) mod fixture;

@@ -85,8 +85,8 @@ pub struct Collected {
     pub options: ImportOptions,
 }
 
-/// A scene with every file that it refers to, and the environment. Archives are unpacked into `scratch`, which must outlive the result. Files that are missing
-/// are listed on stderr; whether the scene can do without them is the importer's verdict.
+/// A scene with every file that it refers to, and the environment. Archives are unpacked into `scratch`, which must outlive the result.
+/// Files that are missing are listed on stderr; whether the scene can do without them is the importer's verdict.
 pub fn collect(scene: &Path, import: &ImportArgs, scratch: &Path) -> Result<Collected, CommandError> {
     let (mut bundle, missing) = bundle::collect(scene, import.root(), scratch).map_err(|p| CommandError::work(p.to_string()))?;
     for problem in missing {

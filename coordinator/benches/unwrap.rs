@@ -1,6 +1,6 @@
-//! How well surfaces fill their textures, and how long that takes: a torus, and every scene named on the command line
-//! (`cargo bench -p kiln-coordinator --bench unwrap -- SCENE…`). Author's coordinates are dropped, so that charts are found. One JSON line per
-//! surface and density. `KILN_DENSITIES` names texels per metre; without it a torus gets 20 and 240, a scene 20.
+//! How well surfaces fill their textures, and how long that takes: a torus, and every scene named on the command line (`cargo bench -p
+//! kiln-coordinator --bench unwrap -- SCENE…`). Author's coordinates are dropped, so that charts are found. One JSON line per surface and
+//! density. `KILN_DENSITIES` names texels per metre; without it a torus gets 20 and 240, a scene 20.
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
 
 use kiln_coordinator::{

@@ -84,7 +84,8 @@ impl BlobError {
 /// A store of blobs.
 #[async_trait::async_trait]
 pub trait Blobs: Send + Sync + 'static {
-    /// Stores a local file under the name of its content. Durable on return. Storing what is there already is a no-op that refreshes its age.
+    /// Stores a local file under the name of its content. Durable on return. Storing what is there already is a no-op that refreshes its
+    /// age.
     async fn put_file(&self, name: BlobName, file: TempPath) -> Result<(), BlobError>;
 
     /// Stores bytes under their name; otherwise as [`Blobs::put_file`].

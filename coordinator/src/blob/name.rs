@@ -31,15 +31,4 @@ impl FromStr for BlobName {
     }
 }
 
-impl TryFrom<String> for BlobName {
-    type Error = BadId;
-    fn try_from(text: String) -> Result<Self, BadId> {
-        text.parse()
-    }
-}
-
-impl From<BlobName> for String {
-    fn from(name: BlobName) -> String {
-        name.to_string()
-    }
-}
+kiln_proto::written_as_text!(BlobName);

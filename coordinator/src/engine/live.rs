@@ -1,9 +1,9 @@
 //! What a live view of a job needs: its scene with the plan as it is now, and the light of tiles that are done.
 //!
-//! Both come from the store and the blobs as they are; nothing is written. An answer is put together in memory and stops at a number of bytes
-//! and of tiles; chunks are looked up shard by shard until there is enough, so that a request costs what it is answered and not what the job
-//! has. How many answers there are at a time is for who asks to limit. Streaming lost: the scene's header holds a checksum of what follows,
-//! and the bytes of a segment are known only once its raw samples are left out.
+//! Both come from the store and the blobs as they are; nothing is written. An answer is put together in memory and stops at a number of
+//! bytes and of tiles; chunks are looked up shard by shard until there is enough, so that a request costs what it is answered and not what
+//! the job has. How many answers there are at a time is for who asks to limit. Streaming lost: the scene's header holds a checksum of what
+//! follows, and the bytes of a segment are known only once its raw samples are left out.
 
 use super::{
     Engine, EngineError,

@@ -19,8 +19,8 @@ use kiln_proto::{
 use std::{collections::HashMap, sync::Arc};
 use tokio::runtime::Handle;
 
-/// Triangles of a scene that pictures are made of here, at most. Each takes some 200 bytes and a microsecond for every picture: at the limit
-/// that is most of a gigabyte and four seconds, which is as much as other work should have to bear.
+/// Triangles of a scene that pictures are made of here, at most. Each takes some 200 bytes and a microsecond for every picture: at the
+/// limit that is most of a gigabyte and four seconds, which is as much as other work should have to bear.
 const TRIANGLES: usize = 4_000_000;
 
 /// A finished package where the coordinator keeps it.

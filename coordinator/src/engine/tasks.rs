@@ -134,8 +134,8 @@ pub(super) async fn merge(core: &Arc<Core>, id: JobId, phase: Phase) -> Result<T
     Ok(TaskResult::Merged { phase, plan, tiles, cost })
 }
 
-/// What becomes of a task whose pipeline failed over the segments of a phase: content that cannot be used fails the job; storage that failed
-/// does not, and segments that are gone are baked again.
+/// What becomes of a task whose pipeline failed over the segments of a phase: content that cannot be used fails the job; storage that
+/// failed does not, and segments that are gone are baked again.
 pub(super) fn failed(error: PipelineError, phase: Phase) -> Result<TaskResult, EngineError> {
     match error {
         PipelineError::Invalid(problem) => Ok(TaskResult::Failed(problem)),

@@ -1,8 +1,8 @@
 //! Leave to do what is costly: so many at a time, a few that wait for a while, and the rest are told to come back.
 //!
-//! A service with a long queue of such work answers nobody in time. Leave lasts for as long as what it was given for: of a picture, until it is
-//! made; of an answer that lies in memory, until the client has taken it. A client that takes nothing loses its connection, so that a few
-//! of them do not hold everything for ever.
+//! A service with a long queue of such work answers nobody in time. Leave lasts for as long as what it was given for: of a picture, until
+//! it is made; of an answer that lies in memory, until the client has taken it. A client that takes nothing loses its connection, so that a
+//! few of them do not hold everything for ever.
 
 use super::{
     body::PATIENCE,
@@ -60,8 +60,8 @@ impl Admission {
 }
 
 impl Leave {
-    /// A body of `bytes`, which go when the leave does: when the client has taken them, has gone, or has taken none of them for a minute. In
-    /// the last case the body ends early, and with it the connection, because an answer with it announces a Content-Length.
+    /// A body of `bytes`, which go when the leave does: when the client has taken them, has gone, or has taken none of them for a minute.
+    /// In the last case the body ends early, and with it the connection, because an answer with it announces a Content-Length.
     pub(super) fn body(self, bytes: Vec<u8>) -> Body {
         let (sender, receiver) = mpsc::channel::<io::Result<Bytes>>(1);
         tokio::spawn(async move {

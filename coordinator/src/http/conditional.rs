@@ -1,7 +1,7 @@
 //! Conditional and partial requests (RFC 9110, sections 13 and 14), decided from headers alone.
 //!
-//! The order of section 13.2.2: If-Match, then If-None-Match, then Range under If-Range. Entity tags are strong: the SHA-256 of the file, so
-//! that a download resumes safely over a restart, a move to another machine or a second bake of the same scene. One range is served; a
+//! The order of section 13.2.2: If-Match, then If-None-Match, then Range under If-Range. Entity tags are strong: the SHA-256 of the file,
+//! so that a download resumes safely over a restart, a move to another machine or a second bake of the same scene. One range is served; a
 //! request for several gets the whole file, which the standard allows and which keeps multipart/byteranges, and its abuse, out of here.
 
 use axum::http::{HeaderMap, header};

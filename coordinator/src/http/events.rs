@@ -1,9 +1,9 @@
 //! `/v1/jobs/{id}/events`: a job's history and future as server-sent events.
 //!
 //! The stream is a loop over the store: read a page behind the last sequence number sent, send it, wait for a hint that there is more. A
-//! subscriber list in memory would be faster and would lose events on a restart; here any coordinator serves any position, and a slow reader
-//! costs one page. The stream ends after the event of a final state; a client that comes back behind it gets 204, which tells browsers to
-//! stop asking.
+//! subscriber list in memory would be faster and would lose events on a restart; here any coordinator serves any position, and a slow
+//! reader costs one page. The stream ends after the event of a final state; a client that comes back behind it gets 204, which tells
+//! browsers to stop asking.
 
 use super::{
     App,

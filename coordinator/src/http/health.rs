@@ -1,5 +1,5 @@
-//! `/healthz`: this process runs. `/readyz`: it can also do its work. An orchestrator restarts for the first and routes by the second, so that
-//! a full disk does not lead to a restart.
+//! `/healthz`: this process runs. `/readyz`: it can also do its work. An orchestrator restarts for the first and routes by the second, so
+//! that a full disk does not lead to a restart.
 
 use super::{
     App,

@@ -1,7 +1,7 @@
 //! The import options as query parameters, for every call that uploads a scene.
 //!
-//! Each call lists its own parameters and these in one flat structure: a query with unknown names is refused, which the form encoding cannot
-//! combine with nested structures.
+//! Each call lists its own parameters and these in one flat structure: a query with unknown names is refused, which the form encoding
+//! cannot combine with nested structures.
 
 use super::{
     catalogue::Kind,

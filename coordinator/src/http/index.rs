@@ -1,5 +1,5 @@
-//! Pages for people without script: what is here, and what each kind of problem means. Plain HTML without style or script, so that the strict
-//! Content-Security-Policy of the API holds here too.
+//! Pages for people without script: what is here, and what each kind of problem means. Plain HTML without style or script, so that the
+//! strict Content-Security-Policy of the API holds here too.
 
 use super::{
     catalogue::Kind,

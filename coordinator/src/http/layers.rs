@@ -19,8 +19,8 @@ use uuid::Uuid;
 /// Which names requests may use for this server.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum HostPolicy {
-    /// Only loopback names, and no foreign web pages: whoever can reach a loopback port without tokens may do anything, and a browser reaches
-    /// it for any page that resolves its own name to 127.0.0.1 (DNS rebinding).
+    /// Only loopback names, and no foreign web pages: whoever can reach a loopback port without tokens may do anything, and a browser
+    /// reaches it for any page that resolves its own name to 127.0.0.1 (DNS rebinding).
     Loopback,
     /// Any: the operator has opened the service to a network.
     Any,

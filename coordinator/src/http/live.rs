@@ -30,7 +30,8 @@ const USUAL: usize = 16 << 20;
 /// Bytes of segments that a client may ask for at once.
 const MOST: usize = 64 << 20;
 
-/// The scene of a job and its plan as it is now, as `scene.kiln` of a package holds them. The plan changes once, when Probe is merged into it.
+/// The scene of a job and its plan as it is now, as `scene.kiln` of a package holds them. The plan changes once, when Probe is merged into
+/// it.
 #[utoipa::path(get, path = "/v1/jobs/{id}/scene.kiln", operation_id = "liveScene", tag = "jobs", params(("id" = String, Path, description = "The job's id")),
     responses((status = 200, description = "scene.kiln", content_type = "application/octet-stream", body = Vec<u8>)))]
 pub(super) async fn scene(State(app): State<App>, JobInPath(job): JobInPath, headers: HeaderMap) -> Answer<Response> {
@@ -61,9 +62,9 @@ pub(super) struct SegmentsQuery {
     pub max_bytes: Option<usize>,
 }
 
-/// Segments of tiles that are done, in ascending order: of each the tile (u64) and the length (u32), little-endian, then the segment without
-/// raw samples. Tiles that are not done are left out. The answer ends before it would pass `max_bytes` or 1024 tiles, but not without a first
-/// tile: ask again for the rest. Empty before the Bake phase, and when the job is done and its segments are collected.
+/// Segments of tiles that are done, in ascending order: of each the tile (u64) and the length (u32), little-endian, then the segment
+/// without raw samples. Tiles that are not done are left out. The answer ends before it would pass `max_bytes` or 1024 tiles, but not
+/// without a first tile: ask again for the rest. Empty before the Bake phase, and when the job is done and its segments are collected.
 #[utoipa::path(get, path = "/v1/jobs/{id}/segments", operation_id = "liveSegments", tag = "jobs",
     params(("id" = String, Path, description = "The job's id"), SegmentsQuery),
     responses((status = 200, description = "The segments", content_type = "application/vnd.kiln.segments", body = Vec<u8>)))]

@@ -106,9 +106,9 @@ pub fn router(engine: Arc<Engine>, hosts: HostPolicy, closing: CancellationToken
     App::new(engine, hosts, closing).router()
 }
 
-/// Serves the API on `listener` until `shutdown` is cancelled; then takes no more connections, ends streams and long polls, and gives requests
-/// under way 20 s to finish. A loopback listener admits only loopback names and pages; whether another address may be opened without
-/// tokens is for the caller to decide before it binds. The engine is left running.
+/// Serves the API on `listener` until `shutdown` is cancelled; then takes no more connections, ends streams and long polls, and gives
+/// requests under way 20 s to finish. A loopback listener admits only loopback names and pages; whether another address may be opened
+/// without tokens is for the caller to decide before it binds. The engine is left running.
 ///
 /// # Errors
 /// A listener that cannot say its address.

@@ -1,8 +1,8 @@
 //! Rendered pictures: leave to make them, and the last ones in memory.
 //!
-//! A picture costs every core for a second, and pages ask for the same few. So two are made at a time, and the last ones are kept. The cache is
-//! small, in memory and lost with the process; on disk it would need a place in the store's bookkeeping for what can be made again at any
-//! time.
+//! A picture costs every core for a second, and pages ask for the same few. So two are made at a time, and the last ones are kept. The
+//! cache is small, in memory and lost with the process; on disk it would need a place in the store's bookkeeping for what can be made again
+//! at any time.
 
 use super::admission::Admission;
 use bytes::Bytes;

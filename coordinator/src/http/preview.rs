@@ -74,7 +74,8 @@ pub(super) struct PictureQuery {
     /// `light-field`, the default: as it looks from the eye; `diffuse`: without what depends on the eye.
     #[param(example = "light-field")]
     pub mode: Option<String>,
-    /// Rays along each side of a pixel, 1 to 4, which show its mean; by default 2, and 1 above the default size. At most 8388608 rays in all.
+    /// Rays along each side of a pixel, 1 to 4, which show its mean; by default 2, and 1 above the default size. At most 8388608 rays in
+    /// all.
     #[param(example = "2")]
     pub antialias: Option<String>,
     /// `true` for a plain colour behind a scene that has an environment; by default `false`.

@@ -32,8 +32,8 @@ upload_query! {
 
 /// Upload a scene.
 ///
-/// Either `multipart/form-data` with one part per file, whose `filename` is the path that the scene uses for it, or one file as the body: an
-/// OBJ, or a ZIP with everything that it refers to. The answer comes when the scene has been imported, or after 30 s as 202.
+/// Either `multipart/form-data` with one part per file, whose `filename` is the path that the scene uses for it, or one file as the body:
+/// an OBJ, or a ZIP with everything that it refers to. The answer comes when the scene has been imported, or after 30 s as 202.
 #[utoipa::path(post, path = "/v1/scenes", operation_id = "createScene", tag = "scenes", params(UploadQuery),
     request_body(description = "The files", content(
         (String = "multipart/form-data"), (String = "application/zip"), (String = "model/obj"), (String = "application/octet-stream"))),

@@ -7,7 +7,8 @@
 use kiln_proto::limits;
 use serde_json::{Map, Value, json};
 
-/// Schema and description of every field that a patch may have, in the order in which a reader wants them. Defaults are the preview preset's.
+/// Schema and description of every field that a patch may have, in the order in which a reader wants them. Defaults are the preview
+/// preset's.
 fn patch_fields() -> Vec<(&'static str, Value, &'static str)> {
     let text = |pattern: &str, example: &str, default: &str| json!({"type": "string", "pattern": pattern, "examples": [example], "default": default});
     let words = |words: &[&str]| json!({"type": "string", "enum": words, "default": words[0]});

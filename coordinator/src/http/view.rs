@@ -2,8 +2,8 @@
 //!
 //! Only what the manifest names is served, by its name, from a place inside the folder: neither `..` nor a link leads out. The manifest's
 //! hashes are the entity tags, as in `assets`; each request looks whether it is still the file that was read, so that a browser is not told
-//! to keep what was baked anew. Hashing the files themselves would read gigabytes to say the same. Any static web server can do the same for an exported viewer; this
-//! one needs no setting up, sends the same headers as the service and admits the same hosts.
+//! to keep what was baked anew. Hashing the files themselves would read gigabytes to say the same. Any static web server can do the same
+//! for an exported viewer; this one needs no setting up, sends the same headers as the service and admits the same hosts.
 
 use super::{
     HostPolicy,

@@ -1,8 +1,8 @@
 //! How many tiles a worker gets at once.
 //!
 //! A lease should last about ten seconds: shorter ones cost round trips, longer ones lose more when a worker dies. What a tile costs is
-//! known (its texels), how fast a worker is must be measured, for each job and phase anew because samples and depth differ. Before the first
-//! measurement a worker gets one tile a thread. Near the end of a phase leases shrink (half of an even share of what waits, "guided
+//! known (its texels), how fast a worker is must be measured, for each job and phase anew because samples and depth differ. Before the
+//! first measurement a worker gets one tile a thread. Near the end of a phase leases shrink (half of an even share of what waits, "guided
 //! self-scheduling", Polychronopoulos and Kuck 1987), so that the workers finish together.
 
 use kiln_proto::{

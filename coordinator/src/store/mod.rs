@@ -1,9 +1,9 @@
 //! The durable state of the farm behind one trait.
 //!
-//! Every method is one transaction: it happens whole or not at all, and is durable when it returns. Decisions are those of the pure machines
-//! ([`job`](crate::job), [`lease`](crate::lease)); a store loads, lets them decide, saves and performs their actions. Time comes in as a
-//! value, so that tests own the clock. One hand-written implementation per SQL dialect was chosen over a generic one: locking is where they
-//! differ, and locking is the point. [`conformance`] holds what every implementation must do.
+//! Every method is one transaction: it happens whole or not at all, and is durable when it returns. Decisions are those of the pure
+//! machines ([`job`](crate::job), [`lease`](crate::lease)); a store loads, lets them decide, saves and performs their actions. Time comes
+//! in as a value, so that tests own the clock. One hand-written implementation per SQL dialect was chosen over a generic one: locking is
+//! where they differ, and locking is the point. [`conformance`] holds what every implementation must do.
 
 #[cfg(test)]
 pub mod conformance;
@@ -111,8 +111,8 @@ pub trait Store: Send + Sync + 'static {
     /// A chunk that was recorded under (token, n).
     async fn chunk(&self, token: Token, n: u64) -> Result<Option<ChunkRow>, StoreError>;
 
-    /// Records a chunk, claims its tiles that nobody has delivered, shortens the attempt, moves the job and appends the event. `known` holds
-    /// digests of accepted segments, from the chunks of an earlier [`ChunkOutcome::NeedDigests`].
+    /// Records a chunk, claims its tiles that nobody has delivered, shortens the attempt, moves the job and appends the event. `known`
+    /// holds digests of accepted segments, from the chunks of an earlier [`ChunkOutcome::NeedDigests`].
     async fn record_chunk(
         &self,
         chunk: &NewChunk,
@@ -120,8 +120,8 @@ pub trait Store: Send + Sync + 'static {
         now: UnixMillis,
     ) -> Result<ChunkOutcome, StoreError>;
 
-    /// Takes back what a chunk of a phase brought, because its blob is gone: its rows go, its accepted tiles wait for a worker again, and the
-    /// job bakes them before anything that needs them is done. Whether the job still needs them; if not, nothing changes.
+    /// Takes back what a chunk of a phase brought, because its blob is gone: its rows go, its accepted tiles wait for a worker again, and
+    /// the job bakes them before anything that needs them is done. Whether the job still needs them; if not, nothing changes.
     async fn lose_chunk(&self, job: JobId, phase: Phase, blob: BlobName, now: UnixMillis) -> Result<bool, StoreError>;
 
     /// Ends an attempt by [`lease::Event::Complete`], `Release` or `Fence`. What it owes and nobody delivered goes back to work.

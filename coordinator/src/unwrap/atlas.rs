@@ -1,9 +1,9 @@
 //! Charts of neighbouring triangles of a curved mesh, flattened together.
 //!
-//! `uvunwrap` grows charts within a cone of normals, flattens each by least-squares conformal maps evened out by as-rigid-as-possible steps, and
-//! cuts those that would fold, overlap or stretch by more than a factor; without its SIMD solver it gives the same bits on every CPU. Its own
-//! packing knows no texture of a given size, so charts are taken out of it and packed by `pack`. An unwrapper of our own would be another two
-//! thousand lines for the same charts; `xatlas` is C++ and its Rust binding does not link everywhere.
+//! `uvunwrap` grows charts within a cone of normals, flattens each by least-squares conformal maps evened out by as-rigid-as-possible
+//! steps, and cuts those that would fold, overlap or stretch by more than a factor; without its SIMD solver it gives the same bits on every
+//! CPU. Its own packing knows no texture of a given size, so charts are taken out of it and packed by `pack`. An unwrapper of our own would
+//! be another two thousand lines for the same charts; `xatlas` is C++ and its Rust binding does not link everywhere.
 
 use super::chart::{Chart, Origin};
 use glam::{DVec2, DVec3};
@@ -20,13 +20,14 @@ const MOST: usize = 4_000_000;
 const CHART_TRIANGLES: std::ops::RangeInclusive<f64> = 1e3..=8e3;
 /// Triangles of a chart times those of its mesh.
 const CHART_WORK: f64 = 4e8;
-/// Neighbours that meet at an edge whose normals differ by more than this (cosine, 30 degrees) are in different charts, unless the surface is
-/// smooth there: texels on both sides of a fold have frames of their own, and nothing between them means anything.
+/// Neighbours that meet at an edge whose normals differ by more than this (cosine, 30 degrees) are in different charts, unless the surface
+/// is smooth there: texels on both sides of a fold have frames of their own, and nothing between them means anything.
 const FOLD: f64 = 0.866;
 /// Texels along each side of the atlas that `uvunwrap` is asked for; only proportions count.
 const SIDE: f64 = 512.0;
 
-/// Charts of some triangles of a surface; those that it leaves out, for having next to no area, are in none. `None` where it can do nothing.
+/// Charts of some triangles of a surface; those that it leaves out, for having next to no area, are in none. `None` where it can do
+/// nothing.
 pub(super) fn flatten(scene: &Scene, surface: &Surface, triangles: &[u32]) -> Option<Vec<Chart>> {
     if triangles.len() > MOST {
         return None;
@@ -108,7 +109,8 @@ impl Welded {
     }
 }
 
-/// The folds of a surface among these triangles: edges between normals that differ, except where the author's normals are the same on both sides.
+/// The folds of a surface among these triangles: edges between normals that differ, except where the author's normals are the same on both
+/// sides.
 fn seams(scene: &Scene, surface: &Surface, triangles: &[u32]) -> Vec<[bool; 3]> {
     let normal = |k: usize| {
         let [a, b, c] = scene.corners(&surface.triangles[triangles[k] as usize]);
@@ -118,7 +120,8 @@ fn seams(scene: &Scene, surface: &Surface, triangles: &[u32]) -> Vec<[bool; 3]> 
         let t = triangles[k] as usize;
         (surface.triangles[t].corners[i], surface.normals.get(t).map(|n| n[i]))
     };
-    // Corners of each edge in the order of their vertices, which both sides have in common, then the triangle and the place of the edge in it.
+    // Corners of each edge in the order of their vertices, which both sides have in common, then the triangle and the place of the edge in
+    // it.
     let mut edges = Vec::with_capacity(3 * triangles.len());
     for k in 0..triangles.len() {
         edges.extend([(0, 1), (1, 2), (2, 0)].map(|(i, j)| {

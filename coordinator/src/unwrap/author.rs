@@ -89,8 +89,8 @@ impl<'a> Author<'a> {
         if extent.degenerate > DEGENERATE * extent.world || extent.uv <= 0.0 {
             return Err(Unusable::Degenerate { percent: 100.0 * extent.degenerate / extent.world });
         }
-        // Coordinates lie in the unit square, so more area than it has lies on itself. Said before a texel is drawn: two million triangles on
-        // top of each other would be drawn for hours.
+        // Coordinates lie in the unit square, so more area than it has lies on itself. Said before a texel is drawn: two million triangles
+        // on top of each other would be drawn for hours.
         if extent.uv > STACKED {
             return Err(Unusable::Stacked { times: extent.uv });
         }
@@ -138,7 +138,8 @@ impl<'a> Author<'a> {
         area <= UNEVEN * all.world
     }
 
-    /// The author's charts, each at its true size on average and mirrored ones turned back; what has no area in the texture lies in its planes.
+    /// The author's charts, each at its true size on average and mirrored ones turned back; what has no area in the texture lies in its
+    /// planes.
     pub(super) fn to_charts(&self) -> Vec<Chart> {
         let mut members: Vec<Vec<usize>> = vec![vec![]; self.turns().len()];
         self.charts.iter().enumerate().for_each(|(k, chart)| members[*chart as usize].push(k));

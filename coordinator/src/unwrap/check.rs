@@ -106,8 +106,8 @@ impl Band {
         });
     }
 
-    /// The first pair of charts with fewer than two gutters between them. Two texels are that close when each reaches, within its row and half
-    /// a gap to both sides, a common column in which their rows are.
+    /// The first pair of charts with fewer than two gutters between them. Two texels are that close when each reaches, within its row and
+    /// half a gap to both sides, a common column in which their rows are.
     fn close(&self) -> Option<Fault> {
         let (width, gap) = (self.width as usize, GAP as usize);
         // Chart and row of what was last seen in each column.

@@ -1,7 +1,7 @@
 //! Charts of flat polygons: neighbours in one plane together, each other polygon by itself, and what is not flat triangle by triangle.
 //!
-//! A chart lies in its plane with its longest border edge along u, so that rectangles fill their boxes. Nothing is stretched; the price is a cut
-//! at every fold, which flat walls have anyway.
+//! A chart lies in its plane with its longest border edge along u, so that rectangles fill their boxes. Nothing is stretched; the price is
+//! a cut at every fold, which flat walls have anyway.
 
 use super::chart::{Chart, Origin};
 use glam::{DVec2, DVec3};
@@ -12,7 +12,8 @@ use kiln_proto::{
 
 /// Triangles whose normals differ more than this (cosine) from their polygon's get charts of their own.
 const FLAT: f64 = 0.99;
-/// Neighbours join where their normals differ less than this (cosine, a quarter of a degree), and none from that of all by more than the next.
+/// Neighbours join where their normals differ less than this (cosine, a quarter of a degree), and none from that of all by more than the
+/// next.
 const NEIGHBOURS: f64 = 0.999_99;
 const PLANE: f64 = 0.999_8;
 

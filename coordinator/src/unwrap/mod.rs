@@ -1,12 +1,12 @@
 //! Unwrap: every surface gets a texture size and charts that do not overlap.
 //!
-//! The author's texture coordinates are used where they are usable ([`author`]): the second set, which is meant for light, before the first;
-//! present everywhere, inside the unit square, without overlap at the resolution that is baked. Where only the places of their charts are wrong
-//! (no room for gutters, mirrored), the charts are kept and packed anew. Otherwise charts are made ([`flat`], [`atlas`]): a surface
-//! with vertex normals gets charts of neighbouring triangles where those are fewer than its flat polygons, because every cut shows in a smooth
-//! highlight; a surface of flat triangles keeps its polygons apart unless joining them saves a third of the texels, gutters included, as it does
-//! where triangles are hardly larger than texels. A surface of several parts whose coordinates do not fit together is laid out part by part
-//! ([`parts`]). The back of a two-sided surface has the layout of its front, mirrored.
+//! The author's texture coordinates are used where they are usable ([`author`]): the second set, which is meant for light, before the
+//! first; present everywhere, inside the unit square, without overlap at the resolution that is baked. Where only the places of their
+//! charts are wrong (no room for gutters, mirrored), the charts are kept and packed anew. Otherwise charts are made ([`flat`], [`atlas`]):
+//! a surface with vertex normals gets charts of neighbouring triangles where those are fewer than its flat polygons, because every cut
+//! shows in a smooth highlight; a surface of flat triangles keeps its polygons apart unless joining them saves a third of the texels,
+//! gutters included, as it does where triangles are hardly larger than texels. A surface of several parts whose coordinates do not fit
+//! together is laid out part by part ([`parts`]). The back of a two-sided surface has the layout of its front, mirrored.
 
 mod atlas;
 mod author;
@@ -53,8 +53,8 @@ struct Charts {
     charts: Vec<u32>,
 }
 
-/// Lays out all surfaces. Cost: linear in triangles and texels for the author's charts, n log n in polygons for packed ones, from ten seconds to
-/// a minute for a million triangles of curved meshes.
+/// Lays out all surfaces. Cost: linear in triangles and texels for the author's charts, n log n in polygons for packed ones, from ten
+/// seconds to a minute for a million triangles of curved meshes.
 ///
 /// # Errors
 /// Sizes for surfaces that do not exist, textures beyond the limits, and sizes into which a surface's charts do not fit.

@@ -15,8 +15,8 @@ use kiln_proto::{
 /// The coordinate sets that may hold light, in the order in which they are tried.
 const SETS: [usize; 2] = [1, 0];
 
-/// Charts over the edges of flat triangles must save this much of the texels: what lies between texels of two of them is a mixture of light in
-/// two frames.
+/// Charts over the edges of flat triangles must save this much of the texels: what lies between texels of two of them is a mixture of light
+/// in two frames.
 const WORTH: f64 = 2.0 / 3.0;
 
 /// Lays out a surface by itself.

@@ -1,4 +1,5 @@
-//! A job from upload to package, all of it over HTTP: this test is the client and the worker. Segments are a few bytes that name their tile.
+//! A job from upload to package, all of it over HTTP: this test is the client and the worker. Segments are a few bytes that name their
+//! tile.
 
 use super::*;
 use crate::{

@@ -61,9 +61,9 @@ impl SqliteStore {
 
     /// Begins a transaction that writes.
     ///
-    /// On a full or failing disk SQLite may roll back by itself; sqlx's own rollback then meets no transaction and fails, and sqlx believes for
-    /// ever that the connection is within one. Such a connection is given up for a new one, or a disk that was full once would stop all writes
-    /// until a restart.
+    /// On a full or failing disk SQLite may roll back by itself; sqlx's own rollback then meets no transaction and fails, and sqlx believes
+    /// for ever that the connection is within one. Such a connection is given up for a new one, or a disk that was full once would stop all
+    /// writes until a restart.
     async fn write(&self) -> Result<Transaction<'static, Sqlite>, StoreError> {
         const BEGIN: &str = "BEGIN IMMEDIATE";
         match self.writer.begin_with(BEGIN).await {

@@ -1,9 +1,9 @@
-//! Packing: pieces of a texture are put side by side, two gutters of [`GUTTER`] texels apart; at the border of the texture no gutter is needed,
-//! because samplers clamp there.
+//! Packing: pieces of a texture are put side by side, two gutters of [`GUTTER`] texels apart; at the border of the texture no gutter is
+//! needed, because samplers clamp there.
 //!
-//! Up to some thousands of pieces are let down onto the skyline of those before them (`skyline`), turned by quarters; more are stood on shelves
-//! (`shelves`), which is n log n. Packers that also fill holes below the skyline save a few per cent more and cost a search over the texture for
-//! every piece.
+//! Up to some thousands of pieces are let down onto the skyline of those before them (`skyline`), turned by quarters; more are stood on
+//! shelves (`shelves`), which is n log n. Packers that also fill holes below the skyline save a few per cent more and cost a search over
+//! the texture for every piece.
 
 mod shelves;
 mod skyline;

@@ -1,8 +1,9 @@
-//! Skyline packing: pieces, longest first, sink onto the skyline of those before them, in the place and of the four turns that leave the texture
-//! lowest.
+//! Skyline packing: pieces, longest first, sink onto the skyline of those before them, in the place and of the four turns that leave the
+//! texture lowest.
 //!
-//! What counts is the outline of a piece from below, not its box: a triangle's tip sinks between two others (the "Tetris" of Lévy et al. 2002,
-//! Least Squares Conformal Maps, section 4). Cost: pieces x columns x columns of a piece, bounded by trying fewer places where that is too much.
+//! What counts is the outline of a piece from below, not its box: a triangle's tip sinks between two others (the "Tetris" of Lévy et al.
+//! 2002, Least Squares Conformal Maps, section 4). Cost: pieces x columns x columns of a piece, bounded by trying fewer places where that
+//! is too much.
 
 use super::{GAP, Packed, Piece, Place, aligned};
 

@@ -1,4 +1,5 @@
-//! Charts of curved, torn and broken meshes: whatever the mesh, what is covered is covered once, fronts stay fronts, and no look-up mixes charts.
+//! Charts of curved, torn and broken meshes: whatever the mesh, what is covered is covered once, fronts stay fronts, and no look-up mixes
+//! charts.
 
 use super::*;
 use glam::{DVec2, Vec3};
