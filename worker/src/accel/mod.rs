@@ -1,8 +1,8 @@
 //! The ray tracer: a wide bounding volume hierarchy over triangles, closest hits and occlusion.
 //!
 //! obvhs builds a binary tree (PLOC with reinsertion); [`tree`] collapses it into nodes of [`tree::WIDTH`] boxes kept axis by axis, which
-//! the compiler turns into vector code, and the traversal is ours. obvhs's own traversals lost: its compressed tree clamps every ray to t
-//! >= 1e-4, which breaks scenes a thousandth the size, and neither breaks ties. Which primitive is hit follows from the triangles alone:
+//! the compiler turns into vector code, and the traversal is ours. obvhs's own traversals lost: its compressed tree clamps every ray to
+//! t >= 1e-4, which breaks scenes a thousandth the size, and neither breaks ties. Which primitive is hit follows from the triangles alone:
 //! the nearest, and of equally near ones the lowest index, so that another tree behind the same interface gives the same bytes.
 
 mod traverse;

@@ -4,6 +4,7 @@
 use crate::import::{Bundle, BundlePath, findings::Findings, uri, x3d::NodeRef};
 
 /// What an address leads to.
+#[derive(Clone, Copy)]
 pub(super) enum Target<'b, 'd> {
     /// A data URI, without its `data:`.
     Data(&'d str),
