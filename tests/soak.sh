@@ -76,6 +76,8 @@ cargo bench -p kiln-coordinator --bench unwrap | tee "$OUT/unwrap.jsonl"
 if [ "$FUZZ" != 0 ]; then
     step "fuzzing each parser for $FUZZ s of processor time"
     tests/fuzz.sh "$OUT/fuzz" "$FUZZ"
+    step "the same for those behind which lie decoders by others, with AddressSanitizer"
+    SANITIZER=address tests/fuzz.sh "$OUT/fuzz" "$FUZZ" image hdr exr zip bundle x3d_gzip glb frame
 fi
 
 step "done: figures and packages are in $OUT"

@@ -40,13 +40,13 @@ pub(super) fn picture(bytes: &[u8]) -> u64 {
 /// Two pictures of three floats each: what is decoded, and what is made of it.
 pub(super) fn hdr(bytes: &[u8]) -> u64 {
     let size = HdrDecoder::new_nonstrict(Cursor::new(bytes)).map(|decoder| decoder.dimensions());
-    size.map_or(0, |size| 2 * pixels(size))
+    size.map_or(0, |size| 2 * pixels(size, limits::ENVIRONMENT_PIXELS))
 }
 
 /// The same for every layer of the file and for its display window, and its own samples.
 pub(super) fn exr(bytes: &[u8]) -> u64 {
     let Ok(meta) = MetaData::read_from_buffered(Cursor::new(bytes), false) else { return 0 };
-    let picture = |size: exr::prelude::Vec2<usize>| pixels((size.width() as u32, size.height() as u32));
+    let picture = |size: exr::prelude::Vec2<usize>| pixels((size.width() as u32, size.height() as u32), limits::ENVIRONMENT_PIXELS);
     let layer = |header: &exr::meta::header::Header| {
         let data = picture(header.layer_size).saturating_mul(2 + header.channels.list.len() as u64);
         data.saturating_add(2 * picture(header.shared_attributes.display_window.size))
@@ -86,7 +86,7 @@ fn file(name: &str, bytes: &[u8]) -> u64 {
 fn images(bytes: &[u8]) -> u64 {
     let starts = (0..bytes.len()).filter(|at| begins_image(&bytes[*at..]));
     let sizes = starts.filter_map(|at| ImageReader::new(Cursor::new(&bytes[at..])).with_guessed_format().ok()?.into_dimensions().ok());
-    sizes.map(pixels).fold(0, u64::saturating_add)
+    sizes.map(|size| pixels(size, limits::TEXTURE_PIXELS)).fold(0, u64::saturating_add)
 }
 
 /// Two letters are too little of a BMP: chance writes them, and what follows would declare gigabytes. So the length of its second header,
@@ -99,13 +99,13 @@ fn begins_image(bytes: &[u8]) -> bool {
 
 /// What the bytes declare if they are a TGA, which no magic number tells.
 fn tga(bytes: &[u8]) -> u64 {
-    ImageReader::with_format(Cursor::new(bytes), ImageFormat::Tga).into_dimensions().map_or(0, pixels)
+    ImageReader::with_format(Cursor::new(bytes), ImageFormat::Tga).into_dimensions().map_or(0, |size| pixels(size, limits::TEXTURE_PIXELS))
 }
 
 /// Sixteen bytes each; nothing for more of them than any picture may have.
-fn pixels((width, height): (u32, u32)) -> u64 {
+fn pixels((width, height): (u32, u32), most: u64) -> u64 {
     let pixels = u64::from(width) * u64::from(height);
-    if pixels > limits::TEXTURE_PIXELS { 0 } else { 16 * pixels }
+    if pixels > most { 0 } else { 16 * pixels }
 }
 
 /// The bytes of all data URIs of a text. Its own escapes end a URI or leave it (`\/` in JSON): a picture says its size in front.
@@ -176,7 +176,9 @@ mod tests {
         assert_eq!(declared("image", &bmp), IMAGE);
         bmp[14..18].copy_from_slice(&[40, 0, 0, 1]);
         assert_eq!(images(&bmp), 0);
-        assert_eq!(pixels((1 << 16, 1 << 16)), 0, "what is refused is not decoded");
+        assert_eq!(pixels((1 << 16, 1 << 16), limits::TEXTURE_PIXELS), 0, "what is refused is not decoded");
+        let sky = |side: u32| hdr(format!("#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y {side} +X {side}\n").as_bytes());
+        assert_eq!((sky(16), sky(16_384)), (2 * 16 * 256, 0));
     }
 
     #[test]

@@ -67,6 +67,6 @@ mod tests {
     fn a_picture_on_which_its_decoder_panics_is_refused() {
         let picture = include_bytes!("../../../fuzz/corpus/image/panic-in-zune-jpeg.jpg");
         let refused = texture::decode("p.jpg", picture, Coding::Srgb, false);
-        assert!(refused.err().unwrap().to_string().starts_with("cannot be decoded"));
+        assert!(refused.err().unwrap().to_string().contains("its decoder failed"));
     }
 }

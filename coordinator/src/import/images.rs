@@ -46,7 +46,7 @@ pub(super) struct Images {
     /// Means of textures, with and without alpha.
     means: BTreeMap<(u32, bool), [f32; 4]>,
     /// Means of images that are no textures of the scene, by name and coding, and the bytes that were decoded for them.
-    measured: BTreeMap<(String, bool), Option<[f32; 4]>>,
+    measured: BTreeMap<(String, bool), [f32; 4]>,
     measured_bytes: u64,
     /// The textures.
     pub(super) textures: Vec<Texture>,
@@ -89,7 +89,11 @@ impl Images {
         }
         let key = key(name, wanted);
         let place = self.images.get(&key).copied().flatten().map(|image| image.id);
-        let image = decode(name, wanted, at, findings, read).and_then(|decoded| self.keep(decoded, place, at, findings));
+        let Some(decoded) = decode(name, wanted, at, findings, read) else {
+            self.refuse(name);
+            return None;
+        };
+        let image = self.keep(decoded, place, at, findings);
         self.images.insert(key, image);
         image
     }
@@ -116,16 +120,26 @@ impl Images {
         }
         let key = key(name, wanted);
         if let Some(known) = self.measured.get(&key) {
-            return *known;
+            return Some(*known);
         }
         if self.measured_bytes > limits::BUNDLE_BYTES || findings.is_full() {
             return None;
         }
-        let decoded = decode(name, wanted, at, findings, read);
-        self.measured_bytes += decoded.as_ref().map_or(0, |decoded| decoded.texture.texels.len() as u64);
-        let mean = decoded.map(|decoded| mean(&decoded.texture));
+        let Some(decoded) = decode(name, wanted, at, findings, read) else {
+            self.refuse(name);
+            return None;
+        };
+        self.measured_bytes += decoded.texture.texels.len() as u64;
+        let mean = mean(&decoded.texture);
         self.measured.insert(key, mean);
-        mean
+        Some(mean)
+    }
+
+    /// Remembers that an image cannot be had, which was told: it is not asked for again, whatever its bytes were to mean.
+    fn refuse(&mut self, name: &str) {
+        for coding in [Coding::Srgb, Coding::Linear] {
+            self.images.insert(key(name, Wanted { coding, alpha: false }), None);
+        }
     }
 
     /// Whether the textures together were too large already, which was told: nothing more is decoded only to be refused.

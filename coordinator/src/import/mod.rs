@@ -9,6 +9,7 @@ pub mod bundle;
 mod coat;
 mod environment;
 mod findings;
+mod flat;
 pub mod format;
 mod gltf;
 mod group;
@@ -90,6 +91,7 @@ fn import(bundle: &Bundle, options: &ImportOptions, findings: &mut Findings) -> 
         return None;
     }
     tangents::complete(&mut scene);
+    flat::flatten(&mut scene);
     if let Some(group::Grouped { surfaces, atlases }) = group::group(&mut scene) {
         let message = format!("{surfaces} small surfaces share the textures of {}: {}", atlases.len(), listed(&atlases));
         findings.warn(At::file(main.as_str()), message);

@@ -67,8 +67,6 @@ pub(super) struct Surfaces {
     backs: Vec<Option<u32>>,
     names: Names,
     stems: Stems,
-    /// Whether a surface lost its normals, so that some may belong to none.
-    flattened: bool,
 }
 
 impl Surfaces {
@@ -93,9 +91,7 @@ impl Surfaces {
         while surface.uv_sets.last().is_some_and(|set| set.iter().all(Option::is_none)) {
             surface.uv_sets.pop();
         }
-        if !self.are_flat(&surface.triangles, normals.iter().copied()) {
-            surface.normals = normals.iter().map(|n| n.map(|n| self.weld.normals.id(n))).collect();
-        }
+        surface.normals = normals.iter().map(|n| n.map(|n| self.weld.normals.id(n))).collect();
         let part = Part {
             casts_shadows: look.casts_shadows,
             receive_shadows: look.receive_shadows,
@@ -141,24 +137,8 @@ impl Surfaces {
         }
     }
 
-    /// Whether normals all are those of their triangles: such a surface needs none and is laid out polygon by polygon.
-    fn are_flat(&self, triangles: &[Triangle], normals: impl Iterator<Item = [[f32; 3]; 3]>) -> bool {
-        let wide = |v: [f32; 3]| -> DVec3 { Vec3::from_array(v).as_dvec3() };
-        triangles.iter().zip(normals).all(|(t, normals)| {
-            let [a, b, c] = t.corners.map(|c| wide(self.weld.positions.values[c as usize]));
-            let normal = (b - a).cross(c - a).normalize_or_zero();
-            normals.iter().all(|n| wide(*n).dot(normal) > 1.0 - 1e-6)
-        })
-    }
-
-    /// Adds a surface of this name and part, the names of both still to be given. One that is flat by its normals does not keep them; its
-    /// tangents are the author's all the same.
+    /// Adds a surface of this name and part, the names of both still to be given.
     pub(super) fn push(&mut self, mut surface: Surface, part: Part, name: &str, two_sided: bool, back: Option<u32>) {
-        let normals = surface.normals.iter().map(|ids| ids.map(|id| self.weld.normals.values[id as usize]));
-        if !surface.normals.is_empty() && self.are_flat(&surface.triangles, normals) {
-            surface.normals = vec![];
-            self.flattened = true;
-        }
         let wanted: String = name.chars().take(NAME_CHARS).collect();
         surface.name = self.names.take(&wanted);
         surface.file_stem = self.stems.take(&surface.name);
@@ -174,11 +154,7 @@ impl Surfaces {
     }
 
     /// Hands all over to the scene, with backs.
-    pub(super) fn finish(mut self, scene: &mut Scene) {
-        if self.flattened {
-            let normals = &mut self.weld.normals.values;
-            *normals = used(normals, self.fronts.iter_mut().flat_map(|s| &mut s.normals));
-        }
+    pub(super) fn finish(self, scene: &mut Scene) {
         (scene.positions, scene.normals) = (self.weld.positions.values, self.weld.normals.values);
         (scene.tangents, scene.colors) = (self.weld.tangents.values, self.weld.colors.values);
         scene.surfaces = self.fronts;
@@ -192,47 +168,5 @@ impl Surfaces {
                 surface.parts.iter_mut().for_each(|p| p.material = back);
             }
         }
-    }
-}
-
-/// The values that corners still refer to, in order of first use, by which they are then called.
-fn used<'s>(values: &[[f32; 3]], corners: impl Iterator<Item = &'s mut [u32; 3]>) -> Vec<[f32; 3]> {
-    let (mut kept, mut places) = (vec![], vec![u32::MAX; values.len()]);
-    for id in corners.flatten() {
-        let place = &mut places[*id as usize];
-        if *place == u32::MAX {
-            *place = kept.len() as u32;
-            kept.push(values[*id as usize]);
-        }
-        *id = *place;
-    }
-    kept
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// As glTF's flat cubes are: each face has its normal at its corners, and more surfaces follow.
-    #[test]
-    fn normals_of_the_triangles_are_none_whoever_adds_them() {
-        let mut surfaces = Surfaces::default();
-        let mut add = |normals: [[f32; 3]; 3], x: f32| {
-            let weld = &mut surfaces.weld;
-            let corners = [[x, 0.0, 0.0], [x + 1.0, 0.0, 0.0], [x, 1.0, 0.0]].map(|p| weld.positions.id(p));
-            let normals = normals.map(|n| weld.normals.id(n));
-            let tangents = [weld.tangents.id([x, 0.0, 0.0, 1.0]); 3];
-            let triangles = vec![Triangle { corners, polygon: 0 }];
-            let surface = Surface { triangles, normals: vec![normals], tangents: vec![tangents], ..Surface::default() };
-            surfaces.push(surface, Part::plain("", 0, 1), "s", false, None);
-        };
-        let (up, tilted) = ([0.0, 0.0, 1.0], [0.0, 0.6, 0.8]);
-        add([up; 3], 0.0);
-        add([tilted, up, tilted], 5.0);
-        let mut scene = Scene::empty();
-        surfaces.finish(&mut scene);
-        assert_eq!((scene.surfaces[0].normals.len(), scene.surfaces[0].tangents[0]), (0, [0; 3]));
-        assert_eq!((scene.surfaces[1].normals[0], scene.surfaces[1].tangents[0]), ([0, 1, 0], [1; 3]));
-        assert_eq!(scene.normals, [tilted, up], "in order of first use");
     }
 }

@@ -43,7 +43,7 @@ pub const RENDERER_VERSION: u32 = 3;
 /// and find, so about 50 MiB; up to 80 more for each of 16 layers where much is seen through.
 const BAND_PIXELS: usize = 1 << 17;
 
-/// Behind layers that leave less than this nothing is looked for: not even what is as bright as a scene may have it
+/// Behind layers that leave less than this nothing is looked for, and there is no sky: not even what is as bright as a surface may be
 /// ([`BRIGHTEST`](kiln_proto::limits::BRIGHTEST)) would reach a hundredth there.
 const UNSEEN: f32 = 1e-15;
 
@@ -118,8 +118,8 @@ impl Bands<'_> {
             }
             frame::add(&mut pixels, &looked, &radiance);
             walks = looked.walks;
-            let rest = pixels.iter().zip(&mut walks);
-            rest.filter(|(pixel, _)| pixel.background.max_channel() < UNSEEN).for_each(|(_, walk)| *walk = Walk::Done);
+            let rest = pixels.iter_mut().zip(&mut walks).filter(|(pixel, _)| pixel.background.max_channel() < UNSEEN);
+            rest.for_each(|(pixel, walk)| (pixel.background, *walk) = (Rgb::BLACK, Walk::Done));
             if walks.iter().all(|walk| *walk == Walk::Done) {
                 break;
             }

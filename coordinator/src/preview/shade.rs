@@ -1,4 +1,4 @@
-//! The light of what a band of rays sees, layer by layer: all texels that it needs, each read and decoded once for every sixteen layers, in
+//! The light of what a band of rays sees, layer by layer: all texels that the layers looked up at once need, each read and decoded once, in
 //! the order of the files.
 //!
 //! Needs are sorted by surface and texel and grouped into runs; each run is one positioned read per file. What a run yields goes into the

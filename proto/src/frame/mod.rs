@@ -52,16 +52,7 @@ impl Frame {
         if rule == FrameRule::Thesis {
             return Some(Self::thesis(normal));
         }
-        let (du1, dv1) = (uv[1][0] - uv[0][0], uv[1][1] - uv[0][1]);
-        let (du2, dv2) = (uv[2][0] - uv[0][0], uv[2][1] - uv[0][1]);
-        let det = du1 * dv2 - du2 * dv1;
-        let along = (e1 * dv2 - e2 * dv1) * det.signum();
-        let tangent = along - normal * normal.dot(along);
-        let size = tangent.length();
-        if det == 0.0 || size <= 1e-12 * (e1.length() + e2.length()) * (dv1.abs() + dv2.abs()) {
-            return Some(Self::thesis(normal));
-        }
-        Some(Self::from_axes(tangent / size, normal))
+        Some(Lie::of(corners, uv).map_or_else(|| Self::thesis(normal), |lie| Self::oriented(normal, lie.along_u)))
     }
 
     /// The frame of a unit normal whose x axis is `tangent` (of about unit length) made orthogonal to it, or the thesis's where nothing is

@@ -86,7 +86,7 @@ impl Lookout<'_> {
         is_open.then_some(Push { before, normal, slide: beside / square })
     }
 
-    /// Whether nearly all that is seen from a texel's centre, once moved, are backs of faces.
+    /// Whether nearly all that is seen from a texel's place, once moved, are backs of faces.
     pub(super) fn is_hidden(&self, texel: &Texel, push: Option<&Push>, key: TexelKey, rays: &mut RayCount) -> bool {
         let centre = self.raster.centre(texel);
         let position = push.map_or(centre.position, |p| p.out(centre.position));

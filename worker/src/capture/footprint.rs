@@ -28,7 +28,7 @@ pub(crate) enum Points<'a> {
 }
 
 impl Points<'_> {
-    /// The triangle of the centre.
+    /// The triangle of the point that the texel shows.
     pub(crate) fn triangle(&self) -> u32 {
         match self {
             Points::Fixed(point) => point.triangle,
@@ -36,7 +36,7 @@ impl Points<'_> {
         }
     }
 
-    /// The point that is always covered.
+    /// The point that the texel shows, which is always covered.
     pub(crate) fn centre(&self) -> SurfacePoint {
         match self {
             Points::Fixed(point) => *point,
@@ -44,7 +44,7 @@ impl Points<'_> {
         }
     }
 
-    /// The surface's frame at a point, where it differs from that of the centre.
+    /// The surface's frame at a point, where it differs from that of the point that the texel shows.
     pub(crate) fn frame(&self, point: &SurfacePoint) -> Option<Frame> {
         match self {
             Points::Fixed(_) => None,

@@ -81,11 +81,6 @@ impl<'a, 'd> Pictures<'a, 'd> {
         Some(Picture { json, name: self.name(index, located), located })
     }
 
-    /// Remembers that an image was refused, which was told: it is not asked for again, whatever for.
-    pub(super) fn refuse(&mut self, index: usize) {
-        self.known.insert(index, None);
-    }
-
     /// The bytes of an image.
     pub(super) fn read(&self, picture: &Picture<'a, 'd>, place: Place<'_>) -> Result<Cow<'a, [u8]>, Problem> {
         self.bytes(picture.located, place)

@@ -140,11 +140,7 @@ impl<'a, 'd> Textures<'a, 'd> {
         let picture = pictures.find(index, report)?;
         let place = report.place();
         let (at, findings) = report.raw(picture.json);
-        let image = images.bytes(&picture.name, wanted, at, findings, || pictures.read(&picture, place));
-        if image.is_none() {
-            pictures.refuse(index);
-        }
-        image
+        images.bytes(&picture.name, wanted, at, findings, || pictures.read(&picture, place))
     }
 
     /// The roughness, in green, that belongs to the glossiness in the alpha channel of a texture.

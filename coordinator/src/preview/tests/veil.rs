@@ -99,6 +99,15 @@ fn however_many_layers_there_are_each_is_seen() {
     scene.materials.iter_mut().for_each(|m| m.opacity = opacity(AlphaMode::Blend, 1.0 / 1_024.0));
     let found = pixel(&scene, AT, 1.0);
     assert!(!found.found && found.background == Rgb::BLACK, "{found:?}");
+    // A hundred halves leave nothing: neither the opaque sheet behind them nor a sky is looked for.
+    let mut scene = sheets(101);
+    scene.materials[..100].iter_mut().for_each(|m| m.opacity = opacity(AlphaMode::Blend, 0.5));
+    let found = pixel(&scene, AT, 1.0);
+    assert!(found.found && found.background == Rgb::BLACK, "{found:?}");
+    let mut scene = sheets(40);
+    scene.materials.iter_mut().for_each(|m| m.opacity = opacity(AlphaMode::Blend, 0.5));
+    let found = pixel(&scene, AT, 1.0);
+    assert!(found.background.r > 0.0, "2^-40 is seen: {found:?}");
     // What is behind sixteen of them, the last of one go, and what ends there.
     for count in [16, 17, 32] {
         let mut scene = sheets(count);

@@ -5,8 +5,10 @@
 
 import type { ByteReader, Vec3 } from './bytes.ts';
 
-/** Texels of the picture, at most: a sixth of a degree, which is almost three pixels of a view of 45 degrees and
- * 720 rows, and as wide as every GPU takes. */
+/**
+ * Texels of the picture, at most: a sixth of a degree, which is almost three pixels of a view of 45 degrees and 720 rows, and as wide as
+ * every GPU takes.
+ */
 const MOST = { width: 2048, height: 1024 };
 
 export interface Environment {
@@ -42,17 +44,23 @@ type Picture = Pick<Environment, 'width' | 'height' | 'texels'>;
 function pictureOf(bytes: Uint8Array, fromWidth: number, fromHeight: number): Picture {
   const [width, height] = [Math.min(fromWidth, MOST.width), Math.min(fromHeight, MOST.height)];
   const view = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
-  const sums = new Float64Array(width * height * 3);
-  const counts = new Uint32Array(width * height);
+  const texels = new Float32Array(width * height * 3);
+  const [columns, rows] = [new Uint32Array(width), new Uint32Array(height)];
+  const columnOf = (x: number) => Math.floor((x * width) / fromWidth);
+  for (let x = 0; x < fromWidth; x++) columns[columnOf(x)]++;
   for (let y = 0, at = 0; y < fromHeight; y++) {
-    const row = Math.floor((y * height) / fromHeight) * width;
+    const row = Math.floor((y * height) / fromHeight);
+    rows[row]++;
     for (let x = 0; x < fromWidth; x++, at += 12) {
-      const to = row + Math.floor((x * width) / fromWidth);
-      for (let c = 0; c < 3; c++) sums[to * 3 + c] += view.getFloat32(at + c * 4, true);
-      counts[to]++;
+      const to = (row * width + columnOf(x)) * 3;
+      for (let c = 0; c < 3; c++) texels[to + c] += view.getFloat32(at + c * 4, true);
     }
   }
-  return { width, height, texels: Float32Array.from(sums, (sum, i) => sum / counts[Math.floor(i / 3)]) };
+  for (let i = 0; i < texels.length; i++) {
+    const texel = Math.floor(i / 3);
+    texels[i] /= columns[texel % width] * rows[Math.floor(texel / width)];
+  }
+  return { width, height, texels };
 }
 
 /** Rows are weighted by their share of the sphere. */

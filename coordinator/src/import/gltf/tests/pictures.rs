@@ -38,7 +38,8 @@ fn an_image_is_read_only_where_it_is_not_known() {
 #[test]
 fn a_broken_image_is_told_once_whatever_it_is_used_for() {
     let all = json!({ "baseColorTexture": { "index": 0 }, "metallicRoughnessTexture": { "index": 0 } });
-    let mut sample = Sample::textured(json!({ "pbrMetallicRoughness": all }));
+    let coat = json!({ "KHR_materials_clearcoat": { "clearcoatFactor": 1, "clearcoatTexture": { "index": 0 } } });
+    let mut sample = Sample::textured(json!({ "pbrMetallicRoughness": all, "extensions": coat }));
     for broken in ["AAAA", "A!"] {
         sample.json["images"][0]["uri"] = json!(format!("data:image/png;base64,{broken}"));
         assert!(sample.error().contains("/images/0") || sample.error().contains("#/images/0"), "{}", sample.error());

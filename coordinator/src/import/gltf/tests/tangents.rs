@@ -2,6 +2,7 @@
 
 use super::*;
 use glam::Vec3;
+use kiln_proto::options::ImportOptions;
 
 /// A triangle with normals along +z, a normal map and these tangents.
 fn mapped(tangents: &[f32]) -> Sample {
@@ -35,6 +36,26 @@ fn tangents_turn_and_stretch_with_their_node_and_mirrors_change_their_side() {
     let scene = sample.scene();
     let back: Vec<[f32; 4]> = tangents(&scene, 1)[0].to_vec();
     assert_eq!(back, [a, c, b].map(|[x, y, z, side]| [x, y, z, -side]), "the back is the front turned over");
+}
+
+/// Exporters write the normals of flat faces, too. They are dropped, but not before tangents went over the edges between them.
+#[test]
+fn a_flat_face_has_one_tangent_where_its_triangles_meet() {
+    let mut sample = Sample::textured(json!({ "normalTexture": { "index": 0 } }));
+    let positions = sample.floats("VEC3", &[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 1.0, 0.0]);
+    let normals = sample.floats("VEC3", &[0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0]);
+    let coordinates = sample.floats("VEC2", &[0.1, 0.1, 0.9, 0.1, 0.7, 0.8, 0.2, 0.9]);
+    let indices = sample.accessor(5121, "SCALAR", &[0, 1, 2, 0, 2, 3], 6);
+    sample.json["meshes"][0]["primitives"][0]["attributes"] =
+        json!({ "POSITION": positions, "NORMAL": normals, "TEXCOORD_0": coordinates });
+    sample.json["meshes"][0]["primitives"][0]["indices"] = json!(indices);
+    let part = Part { name: "a.gltf".into(), content: Content::Bytes(sample.text().into_bytes()) };
+    let bundle = Bundle::from_parts(vec![part], None, &std::env::temp_dir()).unwrap();
+    let scene = crate::import::import_bundle(&bundle, &ImportOptions::default()).unwrap().scene;
+    let [first, second] = tangents(&scene, 0)[..] else { panic!("{:?}", scene.surfaces[0]) };
+    assert_eq!((first[0], first[2]), (second[0], second[1]));
+    assert!(first[1] != first[0], "the two triangles lie in the texture in their own ways");
+    assert!(scene.surfaces[0].normals.is_empty() && scene.normals.is_empty());
 }
 
 /// The backs of two fronts that mirror each other have tangents that are there already.

@@ -14,8 +14,8 @@ pub(super) enum Target<'b, 'd> {
 
 /// The first address of a node, counted from `from`, that leads somewhere: its number, and where.
 pub(super) fn next<'b, 'd>(bundle: &'b Bundle, node: NodeRef<'d>, from: usize, findings: &mut Findings) -> Option<(usize, Target<'b, 'd>)> {
-    let urls = node.mf_string("url").iter().map(|url| url.trim()).enumerate().skip(from);
-    for (number, url) in urls {
+    for (number, url) in node.mf_string("url").iter().enumerate().skip(from) {
+        let url = url.trim();
         if uri::is_data(url) {
             return Some((number, Target::Data(&url[5..])));
         }

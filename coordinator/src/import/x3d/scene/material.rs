@@ -261,8 +261,8 @@ impl<'d> Maker<'_, 'd, '_, '_> {
     }
 
     /// Opacity of the material and of the texture of its colour, or the first layer that has any. `alphaMode` decides what it means
-    /// (X3D 4: 12.4.1), and with AUTO `alphaChannel` where that says something; else AUTO cuts out what is nearly all or nothing and blends
-    /// the rest. The alpha of ColorRGBA replaces the transparency.
+    /// (X3D 4: 12.4.1), but for an appearance's `alphaChannel NONE`, which makes the shape opaque; with AUTO `alphaChannel` does where it says
+    /// something, else what is nearly all or nothing is cut out and the rest is blended. The alpha of ColorRGBA replaces the transparency.
     fn opacity(&mut self, transparency: f32, own: Held<'d>) -> Opacity {
         let replaced = self.shape.colours.is_some_and(|c| c.has_alpha);
         let factor = if transparency.is_finite() && !replaced { 1.0 - transparency.clamp(0.0, 1.0) } else { 1.0 };

@@ -11,7 +11,8 @@ pub(super) fn depths(node: NodeRef<'_>, scale: f32, findings: &mut Findings) -> 
     let values = fields.map(|field| node.float(field));
     let scaled = values.map(|value| value * scale);
     for ((field, value), scaled) in fields.into_iter().zip(values).zip(scaled) {
-        if !(value >= 0.0 && scaled.is_finite()) {
+        // An end that gives way lies at twice the other.
+        if !(value >= 0.0 && (2.0 * scaled).is_finite()) {
             let message =
                 format!("{} has the {field} {value}; it is a finite length in the world and not negative (0: automatic)", node.kind());
             findings.error(node.at_field(field), message);

@@ -108,7 +108,8 @@ impl<'b, 'd> Textures<'b, 'd> {
                 shadow_maps.push(texture);
                 continue;
             }
-            if is_stand_in(texture) {
+            // Alone it stands for nothing but itself.
+            if texture.id() != node.id() && is_stand_in(texture) {
                 continue;
             }
             if layers.len() >= MOST_LAYERS {

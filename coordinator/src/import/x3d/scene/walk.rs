@@ -70,7 +70,7 @@ impl<'d> World<'d> {
         for node in document.roots() {
             if !walk.visit(node, root) {
                 let message = format!(
-                    "the scene stands for more than {MAX_STEPS} nodes, {} shapes or inlined files, or {} lights",
+                    "the scene stands for more than {MAX_STEPS} nodes and hidden entries, {} shapes or inlined files, or {} lights",
                     limits::SURFACES,
                     limits::LIGHTS
                 );
@@ -127,10 +127,6 @@ impl<'d> Walk<'d, '_> {
             self.findings.count(node.at(), HIDDEN);
             return true;
         }
-        self.steps += passed_over(node);
-        if self.steps > MAX_STEPS {
-            return false;
-        }
         let group = self.world.parents.len() as Group;
         let inner = Place { matrix: place.matrix * space::local(node), group, name: node.def().or(place.name) };
         let children = match node.inlined() {
@@ -142,6 +138,9 @@ impl<'d> Walk<'d, '_> {
             }
             None => self.shown(node),
         };
+        if self.steps > MAX_STEPS {
+            return false;
+        }
         if children.is_empty() && self.world.files.last().is_none_or(|(f, _)| f.group != group) {
             return true;
         }
@@ -153,7 +152,11 @@ impl<'d> Walk<'d, '_> {
     fn shown(&mut self, node: NodeRef<'d>) -> Vec<NodeRef<'d>> {
         let children = || node.children("children");
         match node.kind() {
-            "Switch" => usize::try_from(node.int("whichChoice")).ok().and_then(|i| children().nth(i)).into_iter().collect(),
+            "Switch" => {
+                let Ok(choice) = usize::try_from(node.int("whichChoice")) else { return vec![] };
+                self.steps += choice.min(children().len()) as u64;
+                children().nth(choice).into_iter().collect()
+            }
             "LOD" => {
                 if children().nth(1).is_some() {
                     self.findings.count(node.at(), "LOD nodes show their first level");
@@ -174,6 +177,7 @@ impl<'d> Walk<'d, '_> {
             "LayerSet" => {
                 self.findings.count(node.at(), "layers were baked as one scene: none is drawn over another");
                 let order: BTreeSet<i32> = node.mf_int("order").iter().copied().collect();
+                self.steps += node.mf_int("order").len() as u64;
                 // Layer 0 is what stands beside the LayerSet.
                 self.unhidden((1..).zip(node.children("layers")).map(|(number, layer)| (layer, !order.contains(&number))))
             }
@@ -186,7 +190,7 @@ impl<'d> Walk<'d, '_> {
         }
     }
 
-    /// Those of some nodes that are not said to be hidden.
+    /// Those of some nodes that are not said to be hidden; the others cost time too.
     fn unhidden(&mut self, nodes: impl Iterator<Item = (NodeRef<'d>, bool)>) -> Vec<NodeRef<'d>> {
         let (mut shown, mut first, mut number) = (vec![], None, 0);
         for (node, hidden) in nodes {
@@ -197,22 +201,12 @@ impl<'d> Walk<'d, '_> {
                 shown.push(node);
             }
         }
+        self.steps += number;
         if let Some(first) = first {
             self.findings.count_lazily(HIDDEN, number, || (first.at(), String::new()));
         }
         shown
     }
-}
-
-/// Entries of a group's lists that are looked at without a visit: what is hidden costs time too.
-fn passed_over(node: NodeRef<'_>) -> u64 {
-    let entries = match node.kind() {
-        "Switch" => usize::try_from(node.int("whichChoice")).map_or(0, |choice| node.children("children").len().min(choice)),
-        "CADLayer" if node.mf_int("visible").len() > 1 => node.children("children").len(),
-        "LayerSet" => node.children("layers").len() + node.mf_int("order").len(),
-        _ => 0,
-    };
-    entries as u64
 }
 
 /// What is said of groups that are left out because they are told not to be seen.
