@@ -3,10 +3,10 @@
 //! At no moment may a parser hold more than four times its input, what is declared in it, and a base for tables and decoders that does not
 //! grow with anything. That holds for all inputs of fuzzing (64 KiB at most, so the base is most of it), for scenes of megabytes as
 //! programs write them, and for dense lists of a few megabytes. It does not hold for whatever can be made up. Beyond the base these take
-//! more times their text, the input itself included: triangles of OBJ between vertices below 10 (5), names that are used once (14),
-//! smoothing groups over such triangles (27), numbers of one digit in the JSON of glTF (5), empty nodes of glTF (48) and of X3D (45), whose
-//! number has a limit. Copies by instances of prototypes and by nodes that share a mesh are made of no text at all. What holds for all of
-//! them are the limits of the design: bytes of text, nodes, triangles, pixels.
+//! more times their text: triangles of OBJ between vertices below 10 and numbers of one digit in the JSON of glTF a little more, names that
+//! are used once and smoothing groups over such triangles several times as much, empty nodes of glTF and of X3D, whose number has a limit,
+//! ten times as much and more. Copies by instances of prototypes and by nodes that share a mesh are made of no text at all. What holds for
+//! all of them are the limits of the design: bytes of text, nodes, triangles, pixels.
 //!
 //! Counting in the allocator sees what a parser really asks for, before the system has any of it; a limit on the process would see only
 //! what was touched, and end the run instead of naming the input.
