@@ -19,6 +19,10 @@ const DECODE_BYTES: u64 = 2 << 30;
 /// Bytes that the coefficients of a progressive JPEG take for a pixel until its last scan: two for each of four channels.
 const COEFFICIENTS: u64 = 8;
 
+/// Pixels of a JPEG for each of its bytes, at most. In its first scan every block of 64 pixels takes one bit at least, so that 512 is the most
+/// there can be of a whole file; twice that leaves room for channels that are sampled at half.
+const JPEG_PIXELS: u64 = 1024;
+
 /// Why an image was refused.
 #[derive(Debug, thiserror::Error)]
 pub(super) enum TextureError {
@@ -35,6 +39,18 @@ pub(super) enum TextureError {
     TooDear {
         /// What the decoder would hold at once.
         needed: u64,
+    },
+    /// Fewer bytes than such a picture can have: its decoder would fill gigabytes with grey.
+    #[error("is cut off: {width}x{height} pixels take {needed} bytes or more, and it has {found}")]
+    CutOff {
+        /// Pixels along u.
+        width: u32,
+        /// Pixels along v.
+        height: u32,
+        /// The fewest bytes of a whole one.
+        needed: u64,
+        /// Its bytes.
+        found: u64,
     },
     /// Neither content nor name is of a format that this program reads.
     #[error("is not an image that this program reads (PNG, JPEG, BMP, TGA)")]
@@ -66,6 +82,10 @@ fn head(name: &str, bytes: &[u8]) -> Result<(ImageFormat, u32, u32), TextureErro
     let pixels = u64::from(width) * u64::from(height);
     if pixels == 0 || pixels > limits::TEXTURE_PIXELS {
         return Err(TextureError::TooLarge { width, height });
+    }
+    let (needed, found) = (pixels.div_ceil(JPEG_PIXELS), bytes.len() as u64);
+    if format == ImageFormat::Jpeg && found < needed {
+        return Err(TextureError::CutOff { width, height, needed, found });
     }
     Ok((format, width, height))
 }
@@ -195,7 +215,10 @@ mod tests {
             bytes
         };
         assert!(is_progressive(&frame(0xc2, 8)) && !is_progressive(&frame(0xc0, 8)) && !is_progressive(&png(RgbaImage::new(1, 1))));
-        assert!(matches!(srgb("t.jpg", &frame(0xc2, 16_384)), Err(TextureError::TooDear { needed }) if needed > 2 << 30));
-        assert!(!matches!(srgb("t.jpg", &frame(0xc2, 8)), Err(TextureError::TooDear { .. })));
+        let padded = |length| [frame(0xc2, 16_384), vec![0; length]].concat();
+        assert!(matches!(srgb("t.jpg", &padded(1 << 18)), Err(TextureError::TooDear { needed }) if needed > 2 << 30));
+        assert!(!matches!(srgb("t.jpg", &frame(0xc2, 8)), Err(TextureError::TooDear { .. } | TextureError::CutOff { .. })));
+        let cut_off = srgb("t.jpg", &padded(1000)).err().unwrap();
+        assert!(matches!(cut_off, TextureError::CutOff { needed: 262_144, .. }), "{cut_off}");
     }
 }
