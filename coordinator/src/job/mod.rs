@@ -2,9 +2,11 @@
 
 mod state;
 mod transition;
+mod why;
 
 #[cfg(test)]
 mod tests;
 
-pub use state::{Job, JobTask};
+pub use state::{Job, JobTask, OnPoison, Retry};
 pub use transition::{Action, Event, Illegal, apply};
+pub use why::{Ahead, Facts, why};

@@ -21,6 +21,15 @@ pub enum Job {
         /// Surfaces, each of which becomes a task of assembly.
         surfaces: u32,
     },
+    /// Nothing is leased until someone resumes it. What is leased may still be delivered, and counts.
+    Paused {
+        /// The phase.
+        phase: Phase,
+        /// Tiles of the phase that nobody has delivered.
+        left: u64,
+        /// Surfaces.
+        surfaces: u32,
+    },
     /// Surfaces are assembled, each by a task; at 0 the package is published.
     Assembling {
         /// Surfaces that are not assembled yet.
@@ -34,9 +43,45 @@ pub enum Job {
     Failed {
         /// Why.
         problem: Problem,
+        /// Where a retry goes on: only where quarantined tiles were the reason. Segments and pending tiles are kept for it.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        retry: Option<Retry>,
     },
     /// Someone cancelled it.
     Cancelled,
+}
+
+/// Where a job that failed goes on when it is tried again.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Retry {
+    /// The phase.
+    pub phase: Phase,
+    /// Tiles of the phase that nobody has delivered, those in quarantine among them.
+    pub left: u64,
+    /// Surfaces.
+    pub surfaces: u32,
+}
+
+/// What becomes of a job when one of its tiles is quarantined.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum OnPoison {
+    /// It fails, and can be tried again.
+    #[default]
+    Fail,
+    /// It ends without the tile: a hole, which the package lists.
+    Skip,
+}
+
+impl OnPoison {
+    /// Its name, as stored and as the API has it.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            OnPoison::Fail => "fail",
+            OnPoison::Skip => "skip",
+        }
+    }
 }
 
 /// Coordinator work for a job, leased like tiles so that another coordinator can take over.
@@ -61,6 +106,7 @@ impl Job {
             Job::Queued => JobState::Queued,
             Job::Preparing => JobState::Preparing,
             Job::Baking { .. } => JobState::Baking,
+            Job::Paused { .. } => JobState::Paused,
             Job::Assembling { .. } => JobState::Assembling,
             Job::Done => JobState::Done,
             Job::Failed { .. } => JobState::Failed,
@@ -68,11 +114,11 @@ impl Job {
         }
     }
 
-    /// The phase whose tiles are leased.
+    /// The phase whose tiles are leased, or may still be delivered.
     #[must_use]
     pub fn phase(&self) -> Option<Phase> {
         match self {
-            Job::Baking { phase, .. } => Some(*phase),
+            Job::Baking { phase, .. } | Job::Paused { phase, .. } => Some(*phase),
             _ => None,
         }
     }
@@ -84,6 +130,7 @@ impl Job {
             Job::Queued => "queued",
             Job::Preparing => "preparing",
             Job::Baking { .. } => "baking",
+            Job::Paused { .. } => "paused",
             Job::Assembling { .. } => "assembling",
             Job::Done => "done",
             Job::Failed { .. } => "failed",
@@ -91,7 +138,7 @@ impl Job {
         }
     }
 
-    /// Whether nothing will change any more.
+    /// Whether nothing will change any more unless someone asks for it: a job that failed may be tried again.
     #[must_use]
     pub fn is_final(&self) -> bool {
         self.public().is_final()

@@ -1,7 +1,7 @@
 //! Properties of the job machine.
 
 use super::*;
-use crate::records::Problem;
+use crate::records::{JobState, Problem};
 use kiln_proto::wire::message::Phase;
 use proptest::prelude::*;
 
@@ -79,6 +79,110 @@ fn lost_tiles_are_baked_again_and_what_needs_them_is_recalled() {
     assert_eq!((job, actions.len()), (assembling(3), 3));
 }
 
+/// Every state and every event: the state that follows, or `-` where the event does not fit.
+#[test]
+fn every_state_knows_what_every_event_means() {
+    const P: Phase = Phase::Probe;
+    const B: Phase = Phase::Bake;
+    let baking = |phase, left| Job::Baking { phase, left, surfaces: 2 };
+    let paused = |phase, left| Job::Paused { phase, left, surfaces: 2 };
+    let assembling = |left| Job::Assembling { left, surfaces: 2 };
+    let failed = |retry| Job::Failed { problem: problem(), retry };
+    let stopped = failed(Some(Retry { phase: B, left: 2, surfaces: 2 }));
+    let quarantined = |phase, on_poison| Event::Quarantined { phase, on_poison, problem: problem() };
+    let name = |job: &Job| match job {
+        Job::Baking { phase, left, .. } => format!("{}{left}", if *phase == P { "p" } else { "b" }),
+        Job::Paused { phase, left, .. } => format!("z{}{left}", if *phase == P { "p" } else { "b" }),
+        Job::Assembling { left, .. } => format!("a{left}"),
+        Job::Failed { retry, .. } => format!("F{}", retry.map_or_else(String::new, |r| r.left.to_string())),
+        other => other.name()[..1].to_uppercase(),
+    };
+    let events = [
+        Event::SceneReady,
+        Event::Prepared { tiles: 2, surfaces: 2 },
+        Event::Accepted { phase: P, tiles: 1 },
+        Event::Accepted { phase: B, tiles: 1 },
+        Event::Lost { phase: P, tiles: 1 },
+        Event::Lost { phase: B, tiles: 1 },
+        Event::Merged { phase: P, tiles: 2 },
+        Event::SurfaceAssembled,
+        Event::Published,
+        quarantined(B, OnPoison::Fail),
+        quarantined(P, OnPoison::Skip),
+        quarantined(B, OnPoison::Skip),
+        Event::Pause,
+        Event::Resume,
+        Event::Retry,
+        Event::Fail(problem()),
+        Event::Cancel,
+    ];
+    // Columns as in the list above; D is done, C cancelled, P preparing, z paused, F failed (with the tiles that a retry has to go).
+    #[rustfmt::skip]
+    let table = [
+        (Job::Queued,    "P -  -  -  -   -   -  -  - -  -   -   -   -  -  F C"),
+        (Job::Preparing, "- p2 -  -  -   -   -  -  - -  -   -   -   -  -  F C"),
+        (baking(P, 2),   "- -  p1 -  p3  -   -  -  - -  p1  -   zp2 p2 -  F C"),
+        (baking(P, 0),   "- -  -  -  p1  -   b2 -  - -  -   -   zp0 p0 -  F C"),
+        (baking(B, 2),   "- -  -  b1 -   b3  -  -  - F2 -   b1  zb2 b2 -  F C"),
+        (baking(B, 1),   "- -  -  a2 -   b2  -  -  - F1 -   a2  zb1 b1 -  F C"),
+        (paused(P, 1),   "- -  zp0 - zp2 -   -  -  - -  zp0 -   zp1 p1 -  F C"),
+        (paused(P, 0),   "- -  -  -  zp1 -   -  -  - -  -   -   zp0 p0 -  F C"),
+        (paused(B, 1),   "- -  - zb0 -   zb2 -  -  - F1 -   zb0 zb1 b1 -  F C"),
+        (paused(B, 0),   "- -  -  -  -   zb1 -  -  - -  -   -   zb0 a2 -  F C"),
+        (assembling(2),  "- -  -  -  -   b1  -  a1 - -  -   -   -   -  -  F C"),
+        (assembling(1),  "- -  -  -  -   b1  -  a0 - -  -   -   -   -  -  F C"),
+        (assembling(0),  "- -  -  -  -   -   -  -  D -  -   -   -   -  -  F C"),
+        (Job::Done,      "- -  -  -  -   -   -  -  - -  -   -   -   -  -  - -"),
+        (failed(None),   "- -  -  -  -   -   -  -  - -  -   -   -   -  -  - -"),
+        (stopped,        "- -  -  -  -   F3  -  -  - -  -   -   -   -  b2 - -"),
+        (Job::Cancelled, "- -  -  -  -   -   -  -  - -  -   -   -   -  -  - -"),
+    ];
+    for (job, row) in table {
+        let cells: Vec<&str> = row.split_whitespace().collect();
+        assert_eq!(cells.len(), events.len(), "{job:?}");
+        for (event, cell) in events.iter().zip(cells) {
+            let next = apply(&job, event).map_or_else(|_| "-".to_owned(), |(next, _)| name(&next));
+            assert_eq!(next, cell, "{} on {}", event.name(), job.name());
+        }
+    }
+}
+
+#[test]
+fn what_follows_from_the_last_tile_waits_while_a_job_is_paused() {
+    let bake = Phase::Bake;
+    let start = Job::Baking { phase: bake, left: 1, surfaces: 2 };
+    let (paused, actions) = run(start, &[Event::Pause, Event::Accepted { phase: bake, tiles: 1 }]);
+    assert_eq!((&paused, actions), (&Job::Paused { phase: bake, left: 0, surfaces: 2 }, vec![]));
+    let (job, actions) = run(paused, &[Event::Resume]);
+    assert_eq!((job.public(), actions.len()), (JobState::Assembling, 2));
+    // A barrier that was under way is called off by the pause, and called again.
+    let (job, actions) = run(Job::Baking { phase: Phase::Probe, left: 0, surfaces: 2 }, &[Event::Pause, Event::Resume, Event::Resume]);
+    assert_eq!(actions, [Action::Recall, Action::Enqueue(JobTask::Merge(Phase::Probe))]);
+    assert_eq!(job, Job::Baking { phase: Phase::Probe, left: 0, surfaces: 2 });
+}
+
+#[test]
+fn a_quarantined_tile_fails_the_job_until_a_retry_or_leaves_a_hole() {
+    let bake = Phase::Bake;
+    let baking = Job::Baking { phase: bake, left: 2, surfaces: 1 };
+    let quarantined = |on_poison| Event::Quarantined { phase: bake, on_poison, problem: problem() };
+    let (failed, actions) = run(baking.clone(), &[quarantined(OnPoison::Fail)]);
+    assert_eq!((failed.public(), actions), (JobState::Failed, vec![Action::Suspend]));
+    assert_eq!(run(failed.clone(), &[Event::Retry]), (baking.clone(), vec![Action::Reopen { phase: bake }]));
+    let text = serde_json::to_string(&failed).unwrap();
+    assert_eq!(serde_json::from_str::<Job>(&text).unwrap(), failed);
+    let (job, actions) = run(baking, &[quarantined(OnPoison::Skip), quarantined(OnPoison::Skip)]);
+    assert_eq!((job, actions), (Job::Assembling { left: 1, surfaces: 1 }, vec![Action::Enqueue(JobTask::Assemble(0))]));
+}
+
+/// What a store wrote before jobs could be tried again.
+#[test]
+fn a_failure_without_a_retry_is_written_as_ever() {
+    let failed = Job::Failed { problem: problem(), retry: None };
+    let text = r#"{"failed":{"problem":{"message":"no"}}}"#;
+    assert_eq!((serde_json::to_string(&failed).unwrap().as_str(), serde_json::from_str::<Job>(text).unwrap()), (text, failed));
+}
+
 fn event() -> impl Strategy<Value = Event> {
     let phase = prop_oneof![Just(Phase::Probe), Just(Phase::Bake)];
     prop_oneof![
@@ -89,6 +193,13 @@ fn event() -> impl Strategy<Value = Event> {
         (0u64..4).prop_map(|tiles| Event::Merged { phase: Phase::Probe, tiles }),
         Just(Event::SurfaceAssembled),
         Just(Event::Published),
+        any::<bool>().prop_map(|skip| {
+            let on_poison = if skip { OnPoison::Skip } else { OnPoison::Fail };
+            Event::Quarantined { phase: Phase::Bake, on_poison, problem: problem() }
+        }),
+        Just(Event::Pause),
+        Just(Event::Resume),
+        Just(Event::Retry),
         Just(Event::Fail(problem())),
         Just(Event::Cancel),
     ]
@@ -96,14 +207,15 @@ fn event() -> impl Strategy<Value = Event> {
 
 proptest! {
     /// In whatever order events come: final states stay, failing and cancelling is always possible before, states only move forward
-    /// unless tiles are lost, a phase that was merged never comes back, and no task is called for twice without being recalled.
+    /// unless tiles are lost or the job is tried again, a phase that was merged never comes back, and no task is called for twice without
+    /// being recalled.
     #[test]
     fn no_schedule_breaks_the_machine(events in prop::collection::vec(event(), 0..60)) {
         let rank = |job: &Job| match job {
             Job::Queued => 0,
             Job::Preparing => 1,
-            Job::Baking { phase: Phase::Probe, .. } => 2,
-            Job::Baking { phase: Phase::Bake, .. } => 3,
+            Job::Baking { phase: Phase::Probe, .. } | Job::Paused { phase: Phase::Probe, .. } => 2,
+            Job::Baking { phase: Phase::Bake, .. } | Job::Paused { phase: Phase::Bake, .. } => 3,
             Job::Assembling { .. } => 4,
             Job::Done | Job::Failed { .. } | Job::Cancelled => 5,
         };
@@ -111,15 +223,18 @@ proptest! {
         for event in events {
             match apply(&job, &event) {
                 Ok((next, actions)) => {
-                    prop_assert!(!job.is_final());
+                    let may_follow_the_end = matches!(event, Event::Retry | Event::Lost { .. });
+                    prop_assert!(!job.is_final() || may_follow_the_end);
                     prop_assert!(rank(&next) <= 5);
                     match event {
+                        Event::Lost { .. } if job.is_final() => prop_assert!(next.public() == job.public()),
                         Event::Lost { phase, .. } => prop_assert!(next.phase() == Some(phase) && (rank(&job) < 4 || rank(&next) == 3)),
+                        Event::Retry => prop_assert!(rank(&next) == 3 && !next.is_final()),
                         _ => prop_assert!(rank(&next) >= rank(&job)),
                     }
                     for action in actions {
                         match action {
-                            Action::Recall => tasks.clear(),
+                            Action::Recall | Action::Suspend => tasks.clear(),
                             Action::Enqueue(task) => {
                                 prop_assert!(!tasks.contains(&task), "{:?} twice", task);
                                 tasks.push(task);

@@ -9,14 +9,17 @@
 //!                        └──┘  └────────────────────┘
 //!                lost: delivered tiles whose bytes are gone are baked again
 //!
+//!   Baking ◄──pause, resume──► Paused       leases may still deliver; what follows from the last tile waits for the resume
+//!   Baking, Paused ──quarantined──► Failed{retry} ──retry──► Baking      or, where holes are allowed, on without the tile
+//!
 //!   any of these ──fail──► Failed{problem}      any of these ──cancel──► Cancelled
 //! ```
 //! Pure: events come in, [`Action`]s go out, and the store performs them in the transaction that saves the new state. Time is no input:
 //! nothing here happens because time has passed (leases know time, jobs only know what was delivered). The alternative, a job that asks the
 //! store whether its tiles are done, needs a transaction per question and cannot be run through random schedules.
 
-use super::state::{Job, JobTask};
-use crate::records::Problem;
+use super::state::{Job, JobTask, OnPoison, Retry};
+use crate::{lease::rule::Rule, records::Problem};
 use kiln_proto::wire::message::Phase;
 
 /// What may happen to a job.
@@ -56,6 +59,21 @@ pub enum Event {
     SurfaceAssembled,
     /// The manifest is written: the package is whole.
     Published,
+    /// A tile that had not been delivered is quarantined.
+    Quarantined {
+        /// Its phase.
+        phase: Phase,
+        /// What becomes of the job.
+        on_poison: OnPoison,
+        /// Which tile of which surface, and how it failed.
+        problem: Problem,
+    },
+    /// Nothing shall be leased for now.
+    Pause,
+    /// Leasing may go on.
+    Resume,
+    /// Quarantined tiles shall be tried again.
+    Retry,
     /// It cannot finish.
     Fail(Problem),
     /// Someone cancels it.
@@ -76,6 +94,13 @@ pub enum Action {
     },
     /// Coordinator work that waits or runs is withdrawn; what lacks segments cannot be done, and becomes due again when they are back.
     Recall,
+    /// Every attempt is fenced, and what it owed waits again; segments, pending and quarantined tiles stay for a retry.
+    Suspend,
+    /// Quarantined tiles of a phase wait again, with a fresh start.
+    Reopen {
+        /// The phase.
+        phase: Phase,
+    },
     /// Leases, pending tiles and waiting tasks are withdrawn; their holders are told to stop.
     Withdraw,
     /// Segments and leases are no longer needed.
@@ -104,6 +129,10 @@ impl Event {
             Event::Merged { .. } => "a merged phase",
             Event::SurfaceAssembled => "an assembled surface",
             Event::Published => "a published package",
+            Event::Quarantined { .. } => "a quarantined tile",
+            Event::Pause => "pausing",
+            Event::Resume => "resuming",
+            Event::Retry => "a retry",
             Event::Fail(_) => "a failure",
             Event::Cancel => "cancelling",
         }
@@ -122,19 +151,11 @@ pub fn apply(job: &Job, event: &Event) -> Result<(Job, Vec<Action>), Illegal> {
             let phase = Phase::Probe;
             Ok((Job::Baking { phase, left: *tiles, surfaces: *surfaces }, vec![Action::OpenPhase { phase, tiles: *tiles }]))
         }
-        (Job::Baking { phase, left, surfaces }, Event::Accepted { phase: of, tiles }) if phase == of && (1..=*left).contains(tiles) => {
-            Ok(delivered(*phase, left - tiles, *surfaces))
-        }
-        (Job::Baking { phase, left, surfaces }, Event::Lost { phase: of, tiles }) if phase == of && *tiles > 0 => {
-            Ok((Job::Baking { phase: *phase, left: left + tiles, surfaces: *surfaces }, vec![Action::Recall]))
-        }
+        (Job::Baking { phase, left, surfaces }, event) => baking(*phase, *left, *surfaces, event).ok_or_else(illegal),
+        (Job::Paused { phase, left, surfaces }, event) => paused(*phase, *left, *surfaces, event).ok_or_else(illegal),
         // Once every surface is assembled, nobody needs segments any more.
         (Job::Assembling { left, surfaces }, Event::Lost { phase: Phase::Bake, tiles }) if *left > 0 && *tiles > 0 => {
             Ok((Job::Baking { phase: Phase::Bake, left: *tiles, surfaces: *surfaces }, vec![Action::Recall]))
-        }
-        (Job::Baking { phase: Phase::Probe, left: 0, surfaces }, Event::Merged { phase: Phase::Probe, tiles }) if *tiles > 0 => {
-            let phase = Phase::Bake;
-            Ok((Job::Baking { phase, left: *tiles, surfaces: *surfaces }, vec![Action::OpenPhase { phase, tiles: *tiles }]))
         }
         (Job::Assembling { left, surfaces }, Event::SurfaceAssembled) if *left > 0 => {
             let left = left - 1;
@@ -142,12 +163,78 @@ pub fn apply(job: &Job, event: &Event) -> Result<(Job, Vec<Action>), Illegal> {
             Ok((Job::Assembling { left, surfaces: *surfaces }, publish.into_iter().collect()))
         }
         (Job::Assembling { left: 0, .. }, Event::Published) => Ok((Job::Done, vec![Action::Retire])),
-        (job, Event::Fail(problem)) if !job.is_final() => {
-            Ok((Job::Failed { problem: problem.clone() }, vec![Action::Withdraw, Action::Retire]))
+        (Job::Failed { retry: Some(Retry { phase, left, surfaces }), .. }, Event::Retry) => {
+            let baking = Job::Baking { phase: *phase, left: *left, surfaces: *surfaces };
+            Ok((baking, vec![Action::Reopen { phase: *phase }]))
         }
-        (job, Event::Cancel) if !job.is_final() => Ok((Job::Cancelled, vec![Action::Withdraw, Action::Retire])),
+        (Job::Failed { problem, retry: Some(retry) }, Event::Lost { phase, tiles }) if retry.phase == *phase && *tiles > 0 => {
+            let retry = Some(Retry { left: retry.left + tiles, ..*retry });
+            Ok((Job::Failed { problem: problem.clone(), retry }, vec![]))
+        }
+        (job, event) if !job.is_final() => ended(event).ok_or_else(illegal),
         _ => Err(illegal()),
     }
+}
+
+/// What may happen anywhere before the end, and ends it.
+fn ended(event: &Event) -> Option<(Job, Vec<Action>)> {
+    let actions = vec![Action::Withdraw, Action::Retire];
+    match event {
+        Event::Fail(problem) => Some((Job::Failed { problem: problem.clone(), retry: None }, actions)),
+        Event::Cancel => Some((Job::Cancelled, actions)),
+        _ => None,
+    }
+}
+
+/// What may happen while tiles of a phase are leased.
+fn baking(phase: Phase, left: u64, surfaces: u32, event: &Event) -> Option<(Job, Vec<Action>)> {
+    let on = |left| Job::Baking { phase, left, surfaces };
+    match event {
+        Event::Accepted { phase: of, tiles } if phase == *of && (1..=left).contains(tiles) => {
+            Some(delivered(phase, left - tiles, surfaces))
+        }
+        Event::Lost { phase: of, tiles } if phase == *of && *tiles > 0 => Some((on(left + tiles), vec![Action::Recall])),
+        Event::Merged { phase: Phase::Probe, tiles } if phase == Phase::Probe && left == 0 && *tiles > 0 => {
+            let phase = Phase::Bake;
+            Some((Job::Baking { phase, left: *tiles, surfaces }, vec![Action::OpenPhase { phase, tiles: *tiles }]))
+        }
+        Event::Quarantined { phase: of, on_poison, problem } if phase == *of && left > 0 => match on_poison {
+            OnPoison::Skip => Some(delivered(phase, without_hole(left), surfaces)),
+            OnPoison::Fail => Some(suspended(problem, Retry { phase, left, surfaces })),
+        },
+        // A barrier that is under way is called again by the resume.
+        Event::Pause => Some((Job::Paused { phase, left, surfaces }, if left == 0 { vec![Action::Recall] } else { vec![] })),
+        Event::Resume => Some((on(left), vec![])),
+        event => ended(event),
+    }
+}
+
+/// What may happen while nothing is leased: deliveries count, and nothing follows from them.
+fn paused(phase: Phase, left: u64, surfaces: u32, event: &Event) -> Option<(Job, Vec<Action>)> {
+    let still = |left| Some((Job::Paused { phase, left, surfaces }, vec![]));
+    match event {
+        Event::Accepted { phase: of, tiles } if phase == *of && (1..=left).contains(tiles) && Rule::PausedCounts.holds() => {
+            still(left - tiles)
+        }
+        Event::Lost { phase: of, tiles } if phase == *of && *tiles > 0 => still(left + tiles),
+        Event::Quarantined { phase: of, on_poison, problem } if phase == *of && left > 0 => match on_poison {
+            OnPoison::Skip => still(without_hole(left)),
+            OnPoison::Fail => Some(suspended(problem, Retry { phase, left, surfaces })),
+        },
+        Event::Pause => still(left),
+        Event::Resume => Some(delivered(phase, left, surfaces)),
+        event => ended(event),
+    }
+}
+
+/// Tiles to go when one of them is given up.
+fn without_hole(left: u64) -> u64 {
+    if Rule::Holes.holds() { left - 1 } else { left }
+}
+
+/// A job that failed for a tile and can be tried again.
+fn suspended(problem: &Problem, retry: Retry) -> (Job, Vec<Action>) {
+    (Job::Failed { problem: problem.clone(), retry: Some(retry) }, vec![Action::Suspend])
 }
 
 /// A phase with `left` tiles to go: the last one of Probe calls its barrier, the last one of Bake calls assembly.
