@@ -1,32 +1,30 @@
 //! How a store fails.
 
-use std::path::PathBuf;
-
 /// Why the store could not do what it was asked.
 #[derive(Debug, thiserror::Error)]
 pub enum StoreError {
     /// The database cannot be opened.
-    #[error("the database {} cannot be opened", path.display())]
+    #[error("the database {database} cannot be opened")]
     Open {
-        /// Its file.
-        path: PathBuf,
+        /// Its file, or its address without a password.
+        database: String,
         /// Why.
         #[source]
         source: sqlx::Error,
     },
     /// The file is not a database, or one that is damaged.
-    #[error("the database {} is damaged: {reason}; restore a copy or choose another data folder", path.display())]
+    #[error("the database {database} is damaged: {reason}; restore a copy or choose another data folder")]
     Damaged {
         /// Its file.
-        path: PathBuf,
+        database: String,
         /// What the check said.
         reason: String,
     },
     /// Written by a later Kiln.
-    #[error("the database {} has schema {found}; this Kiln knows schemas up to {known}", path.display())]
+    #[error("the database {database} has schema {found}; this Kiln knows schemas up to {known}")]
     Newer {
-        /// Its file.
-        path: PathBuf,
+        /// Its file or address.
+        database: String,
         /// The schema found.
         found: i64,
         /// The latest schema known.
@@ -43,6 +41,9 @@ pub enum StoreError {
         /// What is.
         found: String,
     },
+    /// The store is being closed.
+    #[error("the store is closed")]
+    Closed,
     /// The database failed.
     #[error("the database failed")]
     Database(#[source] sqlx::Error),
@@ -54,15 +55,24 @@ impl StoreError {
     pub fn is_full(&self) -> bool {
         matches!(self, StoreError::Full)
     }
+
+    /// Whether the database gave a transaction up for the sake of another: begun anew it may succeed.
+    #[must_use]
+    pub(super) fn is_contention(&self) -> bool {
+        let StoreError::Database(error) = self else { return false };
+        error.as_database_error().and_then(|e| e.code()).is_some_and(|code| CONTENTION.contains(&&*code))
+    }
 }
 
-/// SQLITE_FULL.
-const FULL: &str = "13";
+/// SQLITE_FULL, and PostgreSQL's disk_full.
+const FULL: [&str; 2] = ["13", "53100"];
+/// PostgreSQL's serialization_failure and deadlock_detected.
+const CONTENTION: [&str; 2] = ["40001", "40P01"];
 
 impl From<sqlx::Error> for StoreError {
     fn from(error: sqlx::Error) -> Self {
         match error.as_database_error().and_then(|e| e.code()) {
-            Some(code) if code == FULL => StoreError::Full,
+            Some(code) if FULL.contains(&&*code) => StoreError::Full,
             _ => StoreError::Database(error),
         }
     }

@@ -2,23 +2,29 @@
 //!
 //! Every method is one transaction: it happens whole or not at all, and is durable when it returns. Decisions are those of the pure
 //! machines ([`job`](crate::job), [`lease`](crate::lease)); a store loads, lets them decide, saves and performs their actions. Time comes
-//! in as a value, so that tests own the clock. One hand-written implementation per SQL dialect was chosen over a generic one: locking is
-//! where they differ, and locking is the point. [`conformance`] holds what every implementation must do.
+//! in as a value, so that tests own the clock; on a shared database it is that database's. [`conformance`] holds what every implementation must
+//! do.
 
 #[cfg(test)]
 pub mod conformance;
 mod error;
 mod model;
-mod sqlite;
+mod rows;
+mod sql;
+mod tables;
+mod tokens;
 
 pub use error::StoreError;
 pub use model::{
-    AttemptRow, Candidate, ChunkOutcome, ChunkRow, ChunkTile, Contribution, EventPage, Expiry, Figures, FinishOutcome, Grant, JobFilter,
-    JobRow, JobSpec, NewChunk, PlanRef, SceneRow, StoredFile, StoredPackageFile, Task, TaskLease, TaskResult,
+    AttemptRow, Candidate, ChunkOutcome, ChunkRow, ChunkTile, Contribution, EventPage, Expiry, Figures, FinishOutcome, Grant, Hints,
+    JobFilter, JobRow, JobSpec, NewChunk, PlanRef, SceneRow, StoredFile, StoredPackageFile, Task, TaskLease, TaskResult,
 };
-pub use sqlite::SqliteStore;
+use model::{Beat, Delivery, Ending};
+pub use sql::SqlStore;
+pub use tokens::TokenStore;
 
 use crate::{
+    auth::{Scope, TokenId},
     blob::BlobName,
     job, lease,
     records::{UnixMillis, WorkerRecord},
@@ -37,15 +43,34 @@ pub const TASK_TRIES: u32 = 20;
 
 /// The state of the farm. All errors are failures of the store itself; what does not exist or does not fit is part of the answers.
 #[async_trait::async_trait]
-pub trait Store: Send + Sync + 'static {
+pub trait Store: TokenStore {
+    /// Whether other coordinators may use it too.
+    fn is_shared(&self) -> bool;
+
+    /// The time by the clock that all who use this store share, milliseconds.
+    async fn clock(&self) -> Result<UnixMillis, StoreError>;
+
+    /// Tells other coordinators on this store that something happened to these jobs; an empty list means to anything at all. It may be lost.
+    async fn hint(&self, jobs: &[JobId]) -> Result<(), StoreError>;
+
+    /// What others tell by [`Store::hint`].
+    async fn hints(&self) -> Result<Hints, StoreError>;
+
     /// Records an upload and queues its import.
-    async fn add_scene(&self, id: Uuid, files: &[StoredFile], options: &ImportOptions, now: UnixMillis) -> Result<SceneRow, StoreError>;
+    async fn add_scene(
+        &self,
+        id: Uuid,
+        files: &[StoredFile],
+        options: &ImportOptions,
+        owner: Option<TokenId>,
+        now: UnixMillis,
+    ) -> Result<SceneRow, StoreError>;
 
     /// An upload.
     async fn scene(&self, id: Uuid) -> Result<Option<SceneRow>, StoreError>;
 
-    /// The oldest upload that came to this canonical scene.
-    async fn scene_by_hash(&self, scene: SceneHash) -> Result<Option<SceneRow>, StoreError>;
+    /// The oldest upload within `scope` that came to this canonical scene.
+    async fn scene_by_hash(&self, scene: SceneHash, scope: Scope) -> Result<Option<SceneRow>, StoreError>;
 
     /// Creates a job. It goes on at once where its scene is ready, and fails at once where that was rejected. Its scene must exist.
     async fn add_job(&self, spec: &JobSpec, now: UnixMillis) -> Result<JobRow, StoreError>;
@@ -58,6 +83,9 @@ pub trait Store: Send + Sync + 'static {
 
     /// Something happens to a job; the inner error says that it does not fit. `None` where there is no such job.
     async fn job_event(&self, id: JobId, event: &job::Event, now: UnixMillis) -> Result<Option<Result<(), job::Illegal>>, StoreError>;
+
+    /// Changes a job's priority. Whether it exists.
+    async fn set_priority(&self, id: JobId, priority: i32) -> Result<bool, StoreError>;
 
     /// Removes every row of a job. Its blobs are no longer named then, unless others name them. Whether it existed.
     async fn delete_job(&self, id: JobId) -> Result<bool, StoreError>;
@@ -90,17 +118,22 @@ pub trait Store: Send + Sync + 'static {
     /// Records a worker, or replaces what was known of it.
     async fn put_worker(&self, worker: &WorkerRecord) -> Result<(), StoreError>;
 
-    /// Notes that a worker was heard. `None` where it is unknown.
-    async fn hear_worker(&self, id: WorkerId, now: UnixMillis) -> Result<Option<WorkerRecord>, StoreError>;
+    /// A worker.
+    async fn worker(&self, id: WorkerId) -> Result<Option<WorkerRecord>, StoreError>;
+
+    /// Notes when workers were heard last.
+    async fn heard_workers(&self, workers: &[(WorkerId, UnixMillis)]) -> Result<(), StoreError>;
 
     /// Workers heard since a moment, youngest first, with the job that each bakes.
     async fn workers(&self, since: UnixMillis) -> Result<Vec<WorkerRecord>, StoreError>;
 
-    /// The tiles that should be leased next: highest priority, then oldest job, then lowest tile. `None` means that nothing waits.
-    async fn next_work(&self, bake_version: u32) -> Result<Option<Candidate>, StoreError>;
+    /// The runs of tiles that should be leased next, at most `most` of one job: highest priority, then oldest job, then lowest tile. None
+    /// means that nothing waits.
+    async fn next_work(&self, bake_version: u32, most: usize) -> Result<Vec<Candidate>, StoreError>;
 
-    /// Records a lease, if its tiles are still pending. Whether they were.
-    async fn grant(&self, grant: &Grant, now: UnixMillis) -> Result<bool, StoreError>;
+    /// Records leases in one transaction: each gets what is pending of its run, or of its shard where that is gone. The run of each; `None`
+    /// where nothing of its shard is left.
+    async fn grant(&self, grants: &[Grant], now: UnixMillis) -> Result<Vec<Option<TileRun>>, StoreError>;
 
     /// An attempt.
     async fn attempt(&self, token: Token) -> Result<Option<AttemptRow>, StoreError>;

@@ -1,16 +1,18 @@
 //! What goes into a store and what comes out of it.
 
 use crate::{
+    auth::{Scope, TokenId},
     blob::BlobName,
-    job::{Job, JobTask},
-    lease::Attempt,
+    job::{Job, JobTask, OnPoison},
+    lease::{self, Attempt},
     records::{JobEvent, JobState, PackageFile, Problem, SceneRecord, SceneStatistics, UnixMillis},
 };
+use futures_util::stream::BoxStream;
 use kiln_proto::{
     ids::{Digest, JobId, SceneHash, Token, WorkerId},
     settings::BakeSettings,
     tile::{TileIndex, TileRun, TileRuns},
-    wire::message::Phase,
+    wire::message::{Finish, Phase},
 };
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -34,6 +36,8 @@ pub struct SceneRow {
     pub files: Vec<StoredFile>,
     /// The canonical bytes, compressed, once it is ready.
     pub canonical: Option<BlobName>,
+    /// The token that brought it.
+    pub owner: Option<TokenId>,
 }
 
 /// A plan: its name and where its compressed bytes are.
@@ -60,6 +64,10 @@ pub struct JobSpec {
     pub labels: BTreeMap<String, String>,
     /// Only workers of this bake version get its tiles.
     pub bake_version: u32,
+    /// What becomes of it when a tile is given up.
+    pub on_poison: OnPoison,
+    /// The token that brought it.
+    pub owner: Option<TokenId>,
 }
 
 /// A job as stored.
@@ -96,6 +104,8 @@ pub struct JobRow {
 /// Which jobs to list.
 #[derive(Debug, Clone, Default)]
 pub struct JobFilter {
+    /// Whose jobs.
+    pub scope: Scope,
     /// Only jobs in this state.
     pub state: Option<JobState>,
     /// Only jobs with this label (name, value).
@@ -186,6 +196,8 @@ pub enum TaskResult {
         tiles: u64,
         /// Their cost, texels.
         cost: u64,
+        /// The first of them of each surface, and its name.
+        places: Vec<(u64, String)>,
     },
     /// A surface's files are written.
     Assembled {
@@ -363,4 +375,33 @@ pub struct Figures {
     pub attempts_held: u64,
     /// Tasks that wait or run.
     pub tasks: u64,
+}
+
+/// Jobs that other coordinators did something to.
+pub type Hints = BoxStream<'static, Vec<JobId>>;
+
+/// A heartbeat on its way into a group.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Beat {
+    pub(super) token: Token,
+    pub(super) rays: u64,
+    pub(super) ttl: i64,
+    pub(super) now: UnixMillis,
+}
+
+/// A chunk on its way into a group, with the digests that are known of accepted segments.
+#[derive(Debug)]
+pub(super) struct Delivery {
+    pub(super) chunk: NewChunk,
+    pub(super) known: BTreeMap<TileIndex, Digest>,
+    pub(super) now: UnixMillis,
+}
+
+/// The end of an attempt on its way into a group.
+#[derive(Debug, Clone)]
+pub(super) struct Ending {
+    pub(super) token: Token,
+    pub(super) event: lease::Event,
+    pub(super) finish: Option<Finish>,
+    pub(super) now: UnixMillis,
 }

@@ -15,7 +15,7 @@ fn file(path: &str) -> StoredPackageFile {
 
 async fn bake_all(store: &dyn Store, job: JobId, phase: Phase, tiles: u64) {
     let lease = Grant { phase, ..grant(job, 0, tiles, NOW) };
-    assert!(store.grant(&lease, NOW).await.unwrap());
+    assert!(granted(store, &lease, NOW).await);
     let all: Vec<u64> = (0..tiles).collect();
     let outcome = store.record_chunk(&chunk(lease.token, 0, &all, ""), &BTreeMap::new(), NOW).await.unwrap();
     assert!(matches!(outcome, ChunkOutcome::Recorded(row) if row.accepted.len() == tiles));
@@ -27,7 +27,7 @@ pub(super) async fn a_job_runs_through_its_tasks(store: &dyn Store) {
     bake_all(store, job, Phase::Probe, 3).await;
     let row = store.job(job).await.unwrap().unwrap();
     assert_eq!((row.tiles, row.cost, row.texels), ((3, 3), (30, 30), 7));
-    let merged = TaskResult::Merged { phase: Phase::Probe, plan: plan("two"), tiles: 2, cost: 20 };
+    let merged = TaskResult::Merged { phase: Phase::Probe, plan: plan("two"), tiles: 2, cost: 20, places: vec![] };
     perform(store, Task::Job(job, JobTask::Merge(Phase::Probe)), &merged).await;
     let row = store.job(job).await.unwrap().unwrap();
     assert_eq!((row.tiles, row.cost, row.plan), ((2, 0), (20, 0), Some(plan("two"))));
@@ -59,10 +59,13 @@ pub(super) async fn jobs_wait_for_their_scene_and_fail_with_it(store: &dyn Store
     perform(store, Task::Import(bad), &TaskResult::Rejected(vec![problem.clone()])).await;
     let state = async |id| store.job(id).await.unwrap().unwrap().state;
     assert_eq!(store.job(first.spec.id).await.unwrap().unwrap().scene_hash, Some(hash));
-    assert_eq!((state(first.spec.id).await, state(second.spec.id).await), (Job::Preparing, Job::Failed { problem: problem.clone() }));
+    assert_eq!(
+        (state(first.spec.id).await, state(second.spec.id).await),
+        (Job::Preparing, Job::Failed { problem: problem.clone(), retry: None })
+    );
     let late = store.add_job(&spec(bad, 0), NOW).await.unwrap();
-    assert_eq!(late.state, Job::Failed { problem });
-    assert_eq!(store.scene_by_hash(hash).await.unwrap().unwrap().record.id, good);
+    assert_eq!(late.state, Job::Failed { problem, retry: None });
+    assert_eq!(store.scene_by_hash(hash, crate::auth::Scope::All).await.unwrap().unwrap().record.id, good);
 }
 
 pub(super) async fn a_task_belongs_to_its_token(store: &dyn Store) {

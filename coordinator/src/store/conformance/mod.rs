@@ -1,15 +1,19 @@
 //! What every store must do, whatever it is made of. An implementation's test calls [`all`] with a way to make empty stores.
 
+mod concurrent;
+mod failures;
 mod jobs;
 mod leases;
 mod schedule;
+mod tokens;
 
-use super::{ChunkTile, Grant, JobSpec, NewChunk, PlanRef, SceneRow, Store, StoredFile, Task, TaskResult};
+use super::{Candidate, ChunkTile, Grant, JobSpec, NewChunk, PlanRef, SceneRow, Store, StoredFile, Task, TaskResult};
 use crate::{
     blob::BlobName,
     job::JobTask,
     records::{LightCounts, SceneState, SceneStatistics, UnixMillis},
 };
+pub(crate) use concurrent::concurrent;
 use kiln_proto::{
     ids::{Digest, JobId, SceneHash, Token, WorkerId},
     settings::SettingsPatch,
@@ -33,7 +37,16 @@ pub(crate) async fn all<F: Future<Output = Arc<dyn Store>>>(fresh: impl Fn() -> 
     leases::a_repeated_chunk_changes_nothing(&*fresh().await).await;
     leases::conflicts_blame_whoever_brought_the_tile(&*fresh().await).await;
     leases::the_end_of_a_job_ends_its_leases(&*fresh().await).await;
+    failures::a_failing_tile_is_found_by_halves_and_can_be_tried_again(&*fresh().await).await;
+    failures::a_paused_job_leases_nothing_and_counts_what_comes(&*fresh().await).await;
+    failures::what_an_expired_attempt_delivers_is_no_debt_of_the_next(&*fresh().await).await;
+    failures::a_worker_that_fails_what_others_manage_is_barred(&*fresh().await).await;
+    tokens::tokens_are_kept_rotated_and_revoked_once(&*fresh().await).await;
+    tokens::the_secret_of_the_service_is_made_once(&*fresh().await).await;
+    tokens::scenes_and_jobs_have_owners(&*fresh().await).await;
     schedule::random_schedules_agree_with_the_oracle(&*fresh().await).await;
+    let store = fresh().await;
+    concurrent(Arc::clone(&store), store).await;
 }
 
 const NOW: UnixMillis = 1_000;
@@ -48,7 +61,7 @@ fn plan(text: &str) -> PlanRef {
 
 async fn scene(store: &dyn Store) -> SceneRow {
     let file = StoredFile { name: "a.obj".into(), blob: blob("obj") };
-    store.add_scene(Uuid::now_v7(), &[file], &kiln_proto::options::ImportOptions::default(), NOW).await.unwrap()
+    store.add_scene(Uuid::now_v7(), &[file], &kiln_proto::options::ImportOptions::default(), None, NOW).await.unwrap()
 }
 
 fn statistics() -> SceneStatistics {
@@ -74,7 +87,7 @@ async fn perform(store: &dyn Store, expected: Task, result: &TaskResult) {
     assert!(store.finish_task(token, result, NOW).await.unwrap());
 }
 
-async fn ready_scene(store: &dyn Store) -> Uuid {
+pub(crate) async fn ready_scene(store: &dyn Store) -> Uuid {
     let id = scene(store).await.record.id;
     let result =
         TaskResult::Imported { scene: SceneHash::of(b"s"), canonical: blob("canonical"), statistics: statistics(), warnings: vec![] };
@@ -85,11 +98,13 @@ async fn ready_scene(store: &dyn Store) -> Uuid {
 
 fn spec(scene: Uuid, priority: i32) -> JobSpec {
     let settings = SettingsPatch::default().resolve().unwrap();
-    JobSpec { id: JobId::random(), scene, settings, priority, labels: [("a".to_owned(), "b".to_owned())].into(), bake_version: 1 }
+    let labels = [("a".to_owned(), "b".to_owned())].into();
+    let on_poison = crate::job::OnPoison::Fail;
+    JobSpec { id: JobId::random(), scene, settings, priority, labels, bake_version: 1, on_poison, owner: None }
 }
 
 /// A job whose Probe phase of `tiles` tiles is open.
-async fn probing(store: &dyn Store, scene: Uuid, tiles: u64, priority: i32) -> JobId {
+pub(crate) async fn probing(store: &dyn Store, scene: Uuid, tiles: u64, priority: i32) -> JobId {
     let job = store.add_job(&spec(scene, priority), NOW).await.unwrap().spec.id;
     let prepared = TaskResult::Prepared { plan: plan("one"), tiles, cost: tiles * 10, surfaces: 1, texels: 7, warnings: vec![] };
     perform(store, Task::Job(job, JobTask::Prepare), &prepared).await;
@@ -106,6 +121,16 @@ fn grant(job: JobId, start: u64, end: u64, at: UnixMillis) -> Grant {
         deadline: at + 100,
         cap: at + 10_000,
     }
+}
+
+/// What should be leased next.
+async fn next(store: &dyn Store) -> Option<Candidate> {
+    store.next_work(1, 1).await.unwrap().into_iter().next()
+}
+
+/// Whether a lease was recorded just as it was asked for.
+async fn granted(store: &dyn Store, grant: &Grant, now: UnixMillis) -> bool {
+    store.grant(&[*grant], now).await.unwrap() == [Some(grant.run)]
 }
 
 /// A chunk of these tiles; `salt` changes every digest.

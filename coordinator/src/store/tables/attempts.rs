@@ -1,0 +1,264 @@
+//! Lease attempts: rows around [`Attempt`].
+
+use super::{locks, poison, shards, workers};
+use crate::{
+    lease::{self, Action, Attempt, shard_of},
+    records::UnixMillis,
+    store::{
+        AttemptRow, Beat, Ending, FinishOutcome, Grant, StoreError,
+        rows::{int, parse, phase as parse_phase, runs, runs_text, strange},
+        sql::{Row, Tx, sql},
+    },
+};
+use kiln_proto::{
+    ids::{JobId, Token},
+    tile::{TileIndex, TileRun, TileRuns},
+    wire::message::Phase,
+};
+use std::collections::{BTreeMap, HashMap};
+
+/// Records leases, each of what is pending of its run, or of the first run of its shard where that is gone: coordinators that look at the
+/// same shard send nobody away. For each the run that it got.
+pub(in super::super) async fn grant(c: &mut Tx, grants: &[Grant], now: UnixMillis) -> Result<Vec<Option<TileRun>>, StoreError> {
+    let mut of_shard: BTreeMap<(JobId, Phase, u64), Vec<usize>> = BTreeMap::new();
+    for (index, grant) in grants.iter().enumerate() {
+        of_shard.entry((grant.job, grant.phase, shard_of(TileIndex(grant.run.start)))).or_default().push(index);
+    }
+    let mut granted = vec![None; grants.len()];
+    let connected = workers::connected(c, None, now).await?;
+    for ((job, phase, index), wanted) in of_shard {
+        let Some(mut shard) = shards::lock(c, job, phase, index).await? else { continue };
+        for at in wanted {
+            let Grant { worker, run, .. } = grants[at];
+            granted[at] = shard.take(TileIndex(run.start), run.len(), &shard.charges.avoided(worker, connected));
+        }
+        shards::save(c, job, phase, index, &shard).await?;
+    }
+    for (grant, run) in grants.iter().zip(&granted) {
+        if let Some(run) = run {
+            insert(c, grant, *run, now).await?;
+        }
+    }
+    Ok(granted)
+}
+
+async fn insert(c: &mut Tx, grant: &Grant, run: TileRun, now: UnixMillis) -> Result<(), StoreError> {
+    let query = sql("INSERT INTO attempts (token, worker, job, phase, first, past, state, remaining, granted, deadline, cap)
+         VALUES ($1, $2, $3, $4, $5, $6, 'held', $7, $8, $9, $10)");
+    let query = query.bind(grant.token.to_string()).bind(grant.worker.to_string()).bind(grant.job.to_string());
+    let query = query.bind(grant.phase.to_string()).bind(run.start).bind(run.end).bind(runs_text(&TileRuns::from_run(run)));
+    c.run(query.bind(now).bind(grant.deadline).bind(grant.cap)).await?;
+    Ok(())
+}
+
+fn row(row: &Row) -> Result<AttemptRow, StoreError> {
+    let state = match row.text("state")?.as_str() {
+        "held" => Attempt::Held { deadline: row.int("deadline")?, cap: row.int("cap")?, remaining: runs(&row.text("remaining")?)? },
+        "completed" => Attempt::Completed,
+        "released" => Attempt::Released,
+        "expired" => Attempt::Expired,
+        "fenced" => Attempt::Fenced,
+        other => return Err(strange("an attempt's state", other)),
+    };
+    Ok(AttemptRow {
+        worker: parse("a worker id", &row.text("worker")?)?,
+        job: parse("a job id", &row.text("job")?)?,
+        phase: parse_phase(&row.text("phase")?)?,
+        run: TileRun { start: row.count("first")?, end: row.count("past")? },
+        state,
+        granted_ms: row.int("granted")?,
+        texels: row.count("texels")?,
+    })
+}
+
+/// An attempt as it is just now.
+pub(in super::super) async fn get(c: &mut Tx, token: Token) -> Result<Option<AttemptRow>, StoreError> {
+    c.one(sql("SELECT * FROM attempts WHERE token = $1").bind(token.to_string())).await?.as_ref().map(row).transpose()
+}
+
+/// Applies an event to an attempt and performs what follows. `reason` says what went wrong, where something did.
+pub(super) async fn happen(
+    c: &mut Tx,
+    token: Token,
+    row: &mut AttemptRow,
+    event: lease::Event,
+    reason: &str,
+    now: UnixMillis,
+) -> Result<Result<(), lease::Illegal>, StoreError> {
+    let (state, actions) = match row.state.clone().apply(event, now) {
+        Ok(next) => next,
+        Err(illegal) => return Ok(Err(illegal)),
+    };
+    row.state = state;
+    save(c, token, row, now).await?;
+    for action in actions {
+        let index = shard_of(TileIndex(row.run.start));
+        match action {
+            Action::Return(tiles) => shards::give_back(c, row.job, row.phase, index, &tiles).await?,
+            Action::Suspect(tiles) => poison::suspect(c, row, &tiles, reason, now).await?,
+        }
+    }
+    Ok(Ok(()))
+}
+
+async fn save(c: &mut Tx, token: Token, row: &AttemptRow, now: UnixMillis) -> Result<(), StoreError> {
+    let (deadline, remaining, ended) = match &row.state {
+        Attempt::Held { deadline, remaining, .. } => (Some(*deadline), runs_text(remaining), None),
+        _ => (None, String::new(), Some(now)),
+    };
+    let query = sql("UPDATE attempts SET state = $1, remaining = $2, deadline = COALESCE($3, deadline), ended = COALESCE(ended, $4)
+         WHERE token = $5");
+    c.run(query.bind(row.state.name()).bind(remaining).bind(deadline).bind(ended).bind(token.to_string())).await?;
+    Ok(())
+}
+
+/// Somebody else delivered these tiles of a shard: every held attempt that owes some of them is told.
+pub(super) async fn overtake(c: &mut Tx, by: Token, of: &AttemptRow, tiles: &TileRuns, now: UnixMillis) -> Result<(), StoreError> {
+    let query =
+        sql("SELECT * FROM attempts WHERE job = $1 AND phase = $2 AND state = 'held' AND token <> $3 AND first >= $4 AND first < $5
+         ORDER BY token")
+        .locking();
+    let start = shard_of(TileIndex(of.run.start)) * lease::SHARD_TILES;
+    let query = query.bind(of.job.to_string()).bind(of.phase.to_string()).bind(by.to_string());
+    for found in c.all(query.bind(start).bind(start + lease::SHARD_TILES)).await? {
+        let (token, mut other) = (parse("a token", &found.text("token")?)?, row(&found)?);
+        let owes = matches!(&other.state, Attempt::Held { remaining, .. } if !remaining.intersection(tiles).is_empty());
+        if !owes {
+            continue;
+        }
+        if let Ok((state, _)) = other.state.clone().apply(lease::Event::Overtaken(tiles.clone()), now) {
+            other.state = state;
+            save(c, token, &other, now).await?;
+        }
+    }
+    Ok(())
+}
+
+/// Fences whatever a job's workers hold; what they owe waits again.
+pub(super) async fn suspend(c: &mut Tx, job: JobId, now: UnixMillis) -> Result<(), StoreError> {
+    let query = sql("SELECT * FROM attempts WHERE job = $1 AND state = 'held' ORDER BY token").locking();
+    for found in c.all(query.bind(job.to_string())).await? {
+        let (token, mut held) = (parse("a token", &found.text("token")?)?, row(&found)?);
+        let Ok((state, actions)) = held.state.clone().apply(lease::Event::Fence, now) else { continue };
+        held.state = state;
+        save(c, token, &held, now).await?;
+        for action in actions {
+            let (Action::Return(tiles) | Action::Suspect(tiles)) = action;
+            shards::give_back(c, held.job, held.phase, shard_of(TileIndex(held.run.start)), &tiles).await?;
+        }
+        workers::contribute(c, token, &held, None, now).await?;
+    }
+    fence_all(c, job, now).await
+}
+
+/// Heartbeats of many attempts at once. Those that are held are extended and answered with; the others must stop. An attempt whose time has
+/// come is not: letting it expire is [`expire`]'s business. The rule is [`Attempt::apply`]'s, said in SQL, because ten thousand of these come
+/// in a second; the conformance suite holds the two together.
+pub(in super::super) async fn heartbeats(
+    c: &mut Tx,
+    beats: &[Beat],
+    ttl: i64,
+    now: UnixMillis,
+) -> Result<HashMap<Token, AttemptRow>, StoreError> {
+    if c.has_arrays() {
+        let query = sql("WITH beats AS (SELECT * FROM unnest($1::TEXT[], $2::BIGINT[]) AS b (token, rays)),
+             held AS (SELECT a.token FROM attempts a WHERE a.token = ANY($1) AND a.state = 'held' AND a.deadline > $3 AND a.cap > $3
+                      ORDER BY a.token FOR NO KEY UPDATE)
+             UPDATE attempts a SET deadline = $4, rays = GREATEST(a.rays, b.rays)
+             FROM beats b JOIN held h ON h.token = b.token WHERE a.token = b.token RETURNING a.*");
+        let (tokens, rays): (Vec<String>, Vec<i64>) = beats.iter().map(|b| (b.token.to_string(), int(b.rays))).unzip();
+        let rows = c.all(query.bind(tokens).bind(rays).bind(now).bind(now.saturating_add(ttl))).await?;
+        return rows.iter().map(|found| Ok((parse("a token", &found.text("token")?)?, row(found)?))).collect();
+    }
+    let mut held = HashMap::with_capacity(beats.len());
+    for beat in beats {
+        let query = sql("UPDATE attempts SET deadline = $1, rays = MAX(rays, $2)
+             WHERE token = $3 AND state = 'held' AND deadline > $4 AND cap > $4 RETURNING *");
+        let query = query.bind(now.saturating_add(ttl)).bind(beat.rays).bind(beat.token.to_string()).bind(now);
+        if let Some(found) = c.one(query).await? {
+            held.insert(beat.token, row(&found)?);
+        }
+    }
+    Ok(held)
+}
+
+/// Ends several attempts: an answer for each, in order.
+pub(in super::super) async fn finish_all(c: &mut Tx, endings: &[Ending], now: UnixMillis) -> Result<Vec<FinishOutcome>, StoreError> {
+    locks::of_attempts(c, endings.iter().map(|e| e.token)).await?;
+    let mut outcomes = Vec::with_capacity(endings.len());
+    for ending in endings {
+        outcomes.push(finish(c, ending, now).await?);
+    }
+    Ok(outcomes)
+}
+
+async fn finish(c: &mut Tx, ending: &Ending, now: UnixMillis) -> Result<FinishOutcome, StoreError> {
+    let token = ending.token;
+    let Some(mut row) = get(c, token).await? else { return Ok(FinishOutcome::Gone("unknown".into())) };
+    let was_held = matches!(row.state, Attempt::Held { .. });
+    if let Attempt::Held { remaining, .. } = &mut row.state {
+        // Tiles that somebody else delivered late are no debt of this attempt.
+        if let Some(shard) = shards::lock(c, row.job, row.phase, shard_of(TileIndex(row.run.start))).await? {
+            *remaining = remaining.minus(&shard.done);
+        }
+    }
+    let reason = ending.finish.as_ref().and_then(|finish| finish.failure.clone());
+    let reason = reason.unwrap_or_else(|| match ending.event {
+        lease::Event::Refuse => "it sent what cannot be accepted".into(),
+        _ => "it said that it was done and was not".into(),
+    });
+    if let Err(illegal) = happen(c, token, &mut row, ending.event.clone(), &reason, now).await? {
+        return Ok(FinishOutcome::Gone(illegal.state.into()));
+    }
+    if was_held {
+        workers::contribute(c, token, &row, ending.finish.as_ref(), now).await?;
+    }
+    Ok(FinishOutcome::Finished(row))
+}
+
+/// Fences whatever a job's workers hold. Its shards go with it, so nothing is given back.
+pub(super) async fn fence_all(c: &mut Tx, job: JobId, now: UnixMillis) -> Result<(), StoreError> {
+    // Expired attempts too: a job that is over takes no late deliveries.
+    let query = sql("SELECT token FROM attempts WHERE job = $1 AND state IN ('held', 'expired') ORDER BY token").locking();
+    if c.has_arrays() {
+        c.all(query.bind(job.to_string())).await?;
+    }
+    let query = sql("UPDATE attempts SET state = 'fenced', remaining = '', ended = COALESCE(ended, $1)
+         WHERE job = $2 AND state IN ('held', 'expired')");
+    c.run(query.bind(now).bind(job.to_string())).await?;
+    Ok(())
+}
+
+/// Held attempts whose time has come, by job.
+pub(in super::super) async fn due(c: &mut Tx, now: UnixMillis) -> Result<BTreeMap<JobId, Vec<Token>>, StoreError> {
+    let query = sql("SELECT job, token FROM attempts WHERE state = 'held' AND (deadline <= $1 OR cap <= $1) ORDER BY job, token");
+    let mut due: BTreeMap<JobId, Vec<Token>> = BTreeMap::new();
+    for row in c.all(query.bind(now)).await? {
+        due.entry(parse("a job id", &row.text("job")?)?).or_default().push(parse("a token", &row.text("token")?)?);
+    }
+    Ok(due)
+}
+
+/// Lets these attempts of one job expire, as far as their time has come. How many did.
+pub(in super::super) async fn expire(c: &mut Tx, tokens: &[Token], now: UnixMillis) -> Result<u64, StoreError> {
+    locks::of_attempts(c, tokens.iter().copied()).await?;
+    let mut expired = 0;
+    for token in tokens {
+        let Some(mut row) = get(c, *token).await? else { continue };
+        if !matches!(row.state, Attempt::Held { .. }) {
+            continue;
+        }
+        if happen(c, *token, &mut row, lease::Event::Tick, "it fell silent", now).await?.is_ok() && row.state == Attempt::Expired {
+            workers::contribute(c, *token, &row, None, now).await?;
+            expired += 1;
+        }
+    }
+    Ok(expired)
+}
+
+/// Forgets attempts that ended before a moment.
+pub(in super::super) async fn forget(c: &mut Tx, before: UnixMillis) -> Result<(), StoreError> {
+    // Expired attempts may still deliver while their job bakes; the others only answer repeated calls.
+    c.run(sql("DELETE FROM attempts WHERE ended < $1 AND state <> 'expired'").bind(before)).await?;
+    Ok(())
+}

@@ -1,0 +1,86 @@
+//! What failures put suspicion on: tiles that are quarantined, workers that are barred.
+
+use super::{jobs, shards, workers};
+use crate::{
+    job::{self, OnPoison},
+    lease::{Refuted, Suspicion, shard_of},
+    records::{Problem, UnixMillis},
+    store::{
+        AttemptRow, StoreError,
+        rows::{from_json, parse},
+        sql::{Tx, sql},
+    },
+};
+use kiln_proto::{
+    ids::{JobId, WorkerId},
+    tile::{TileIndex, TileRuns},
+    wire::message::Phase,
+};
+
+/// Puts back what an attempt left that failed or fell silent: in smaller leases, or charged. A tile that is quarantined by that is its job's
+/// business.
+pub(super) async fn suspect(c: &mut Tx, of: &AttemptRow, rest: &TileRuns, reason: &str, now: UnixMillis) -> Result<(), StoreError> {
+    let index = shard_of(TileIndex(of.run.start));
+    let Some(mut shard) = shards::lock(c, of.job, of.phase, index).await? else { return Ok(()) };
+    let connected = workers::connected(c, Some(of.job), now).await?;
+    let poison = shard.suspect(&Suspicion { leased: of.run, rest, worker: of.worker, connected });
+    shards::save(c, of.job, of.phase, index, &shard).await?;
+    let Some(tile) = poison else { return Ok(()) };
+    let query = sql("SELECT on_poison, places FROM jobs WHERE id = $1").bind(of.job.to_string());
+    let Some(row) = c.one(query).await? else { return Ok(()) };
+    let on_poison: OnPoison = from_json("what becomes of a poisoned job", &format!("\"{}\"", row.text("on_poison")?))?;
+    let places: Vec<(u64, String)> = from_json("where surfaces begin", &row.text("places")?)?;
+    let problem = said(&places, of.phase, tile, reason);
+    // Boxed: what follows may end other attempts, which comes back here in type, though never in fact.
+    let event = job::Event::Quarantined { phase: of.phase, on_poison, problem: problem.clone() };
+    let happened = Box::pin(jobs::happen(c, of.job, &event, now)).await?;
+    if matches!((happened, on_poison), (Some(Ok(())), OnPoison::Skip)) {
+        Box::pin(jobs::add_problem(c, of.job, &problem, now)).await?;
+    }
+    Ok(())
+}
+
+fn said(places: &[(u64, String)], phase: Phase, tile: TileIndex, reason: &str) -> Problem {
+    let place = places.iter().rev().find(|(first, _)| *first <= tile.0);
+    let place = place.map_or_else(String::new, |(first, name)| format!(" (tile {} of surface `{name}`)", tile.0 - first));
+    let message = format!("tile {tile} of {phase}{place} was given up after every worker that tried it failed; the last one: {reason}");
+    Problem { message, file: None, line: None }
+}
+
+/// Another worker managed a tile that this one had failed; one too many of them bars it.
+pub(super) async fn refute(c: &mut Tx, worker: WorkerId, by: &AttemptRow, tile: TileIndex, now: UnixMillis) -> Result<(), StoreError> {
+    let query = sql("SELECT refuted, barred FROM workers WHERE id = $1").locking().bind(worker.to_string());
+    let Some(row) = c.one(query).await? else { return Ok(()) };
+    let mut refuted: Refuted = parse("refuted failures", &row.text("refuted")?)?;
+    refuted.note(by.job, by.phase, tile);
+    let reason = refuted.bars().then(|| "it failed tiles that other workers then managed".to_owned());
+    let barred = row.maybe_text("barred")?.or_else(|| reason.clone());
+    let query = sql("UPDATE workers SET refuted = $1, barred = $2 WHERE id = $3");
+    c.run(query.bind(refuted.to_string()).bind(barred).bind(worker.to_string())).await?;
+    if let (Some(reason), None) = (reason, row.maybe_text("barred")?) {
+        let message = format!("worker {worker} is barred: {reason}");
+        jobs::add_problem(c, by.job, &Problem { message, file: None, line: None }, now).await?;
+    }
+    Ok(())
+}
+
+/// Where surfaces begin among the tiles of a phase.
+pub(super) async fn set_places(c: &mut Tx, job: JobId, places: &[(u64, String)]) -> Result<(), StoreError> {
+    let query = sql("UPDATE jobs SET places = $1 WHERE id = $2").bind(crate::store::rows::json(&places)?).bind(job.to_string());
+    c.run(query).await?;
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_quarantined_tile_is_named_by_its_surface() {
+        let places = [(0, "floor".to_owned()), (20, "lamp".to_owned())];
+        let text = |tile| said(&places, Phase::Bake, TileIndex(tile), "out of memory").message;
+        assert!(text(19).contains("tile 19 of surface `floor`") && text(19).ends_with("the last one: out of memory"));
+        assert!(text(22).contains("tile 22 of bake (tile 2 of surface `lamp`)"), "{}", text(22));
+        assert!(!said(&[], Phase::Bake, TileIndex(1), "x").message.contains("surface"));
+    }
+}
