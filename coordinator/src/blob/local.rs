@@ -3,13 +3,19 @@
 //! Reading goes through `object_store`, whose interface S3 and its like share. Writing does not: an upload is already a file on this disk,
 //! and renaming it costs nothing where `object_store` would copy it.
 
-use super::{BlobError, BlobName, Blobs, ByteStream, stage};
+use super::{
+    BlobError, BlobList, BlobName, Blobs, ByteStream,
+    remote::{listed, object},
+    stage,
+};
 use bytes::Bytes;
-use futures_util::{StreamExt, TryStreamExt};
-use object_store::{GetOptions, GetRange, ObjectStore, ObjectStoreExt, local::LocalFileSystem, path::Path as ObjectPath};
+use futures_util::{StreamExt, TryStreamExt, future::ready};
+use object_store::{GetOptions, GetRange, ObjectStore, ObjectStoreExt, local::LocalFileSystem};
 use std::{
+    fs::File,
     io::{self, Write},
     ops::Range,
+    os::unix::fs::MetadataExt,
     path::{Path, PathBuf},
     time::SystemTime,
 };
@@ -23,7 +29,8 @@ pub struct LocalBlobs {
 }
 
 impl LocalBlobs {
-    /// Blobs under `root`, staged in `staging` on the same file system. Both are created when missing.
+    /// Blobs under `root`, staged in `staging` on the same file system. Both are created when missing. Files that come from another file
+    /// system are copied.
     ///
     /// # Errors
     /// Folders that cannot be created.
@@ -35,15 +42,18 @@ impl LocalBlobs {
     }
 }
 
-fn object(name: BlobName) -> ObjectPath {
-    ObjectPath::from(name.to_string())
+/// Moves a file to `to`, by way of `staging` where it lies on another file system, from which nothing can be renamed.
+fn take_in(file: TempPath, to: &Path, staging: &Path) -> io::Result<()> {
+    if std::fs::metadata(&file)?.dev() == std::fs::metadata(staging)?.dev() {
+        return stage::publish(file, to);
+    }
+    copy_in(&file, to, staging)
 }
 
-fn read_error(name: BlobName, source: object_store::Error) -> BlobError {
-    match source {
-        object_store::Error::NotFound { .. } => BlobError::Missing(name),
-        source => BlobError::Read { name: name.to_string(), source },
-    }
+fn copy_in(file: &Path, to: &Path, staging: &Path) -> io::Result<()> {
+    let mut copy = NamedTempFile::new_in(staging)?;
+    io::copy(&mut File::open(file)?, &mut copy)?;
+    stage::publish(copy.into_temp_path(), to)
 }
 
 /// Runs file-system work where blocking is allowed.
@@ -55,8 +65,8 @@ async fn blocking<T: Send + 'static>(what: String, work: impl FnOnce() -> io::Re
 #[async_trait::async_trait]
 impl Blobs for LocalBlobs {
     async fn put_file(&self, name: BlobName, file: TempPath) -> Result<(), BlobError> {
-        let to = self.root.join(name.to_string());
-        blocking(name.to_string(), move || stage::publish(file, &to)).await
+        let (to, staging) = (self.root.join(name.to_string()), self.staging.clone());
+        blocking(name.to_string(), move || take_in(file, &to, &staging)).await
     }
 
     async fn put(&self, bytes: Bytes) -> Result<BlobName, BlobError> {
@@ -73,33 +83,40 @@ impl Blobs for LocalBlobs {
 
     async fn read(&self, name: BlobName, range: Option<Range<u64>>) -> Result<(u64, ByteStream), BlobError> {
         let path = object(name);
-        let head = self.store.head(&path).await.map_err(|e| read_error(name, e))?;
+        let head = self.store.head(&path).await.map_err(|e| BlobError::read(name, e))?;
         let range = range.map_or(0..head.size, |r| r.start.min(head.size)..r.end.min(head.size));
         if range.is_empty() {
             return Ok((0, futures_util::stream::empty().boxed()));
         }
         let length = range.end - range.start;
         let options = GetOptions { range: Some(GetRange::Bounded(range)), ..GetOptions::default() };
-        let found = self.store.get_opts(&path, options).await.map_err(|e| read_error(name, e))?;
-        Ok((length, found.into_stream().map_err(move |e| read_error(name, e)).boxed()))
+        let found = self.store.get_opts(&path, options).await.map_err(|e| BlobError::read(name, e))?;
+        Ok((length, found.into_stream().map_err(move |e| BlobError::read(name, e)).boxed()))
     }
 
     async fn delete(&self, name: BlobName) -> Result<(), BlobError> {
         match self.store.delete(&object(name)).await {
             Ok(()) | Err(object_store::Error::NotFound { .. }) => Ok(()),
-            Err(e) => Err(read_error(name, e)),
+            Err(e) => Err(BlobError::store(name, e)),
         }
     }
 
-    async fn list(&self) -> Result<Vec<(BlobName, SystemTime)>, BlobError> {
-        let all: Vec<_> = self.store.list(None).try_collect().await.map_err(|source| BlobError::Read { name: "(list)".into(), source })?;
-        Ok(all.into_iter().filter_map(|m| Some((m.location.as_ref().parse().ok()?, m.last_modified.into()))).collect())
+    fn list(&self) -> BlobList {
+        self.store.list(None).filter_map(|found| ready(listed(found))).boxed()
+    }
+
+    async fn written(&self, name: BlobName) -> Result<Option<SystemTime>, BlobError> {
+        match self.store.head(&object(name)).await.map_err(|e| BlobError::read(name, e)) {
+            Ok(meta) => Ok(Some(meta.last_modified.into())),
+            Err(BlobError::Missing(_)) => Ok(None),
+            Err(error) => Err(error),
+        }
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::*;
+    use super::{super::conformance, *};
 
     fn blobs() -> (tempfile::TempDir, LocalBlobs) {
         let dir = tempfile::tempdir().unwrap();
@@ -108,35 +125,19 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn blobs_are_named_by_content_and_read_by_range() {
+    async fn a_folder_does_what_every_store_of_blobs_must() {
         let (dir, blobs) = blobs();
-        let name = blobs.put(Bytes::from_static(b"0123456789")).await.unwrap();
-        assert_eq!(name, BlobName::of(b"0123456789"));
-        assert_eq!(blobs.load(name, None, 100).await.unwrap(), b"0123456789");
-        assert_eq!(blobs.load(name, Some(3..5), 100).await.unwrap(), b"34");
-        assert_eq!(blobs.load(name, Some(8..50), 100).await.unwrap(), b"89");
-        assert_eq!(blobs.load(name, Some(50..60), 100).await.unwrap(), b"");
-        assert!(matches!(blobs.load(name, None, 9).await, Err(BlobError::TooLarge { found: 10, max: 9, .. })));
+        conformance::all(&blobs, dir.path()).await;
         assert_eq!(std::fs::read_dir(dir.path().join("spool")).unwrap().count(), 0, "nothing stays staged");
-        assert_eq!(blobs.list().await.unwrap().iter().map(|b| b.0).collect::<Vec<_>>(), [name]);
     }
 
     #[tokio::test]
-    async fn files_move_in_and_deleting_twice_is_no_error() {
+    async fn a_file_of_another_file_system_is_copied() {
         let (dir, blobs) = blobs();
-        let mut file = NamedTempFile::new_in(dir.path()).unwrap();
-        file.write_all(b"chunk").unwrap();
-        let name = BlobName::of(b"chunk");
-        blobs.put_file(name, file.into_temp_path()).await.unwrap();
-        assert_eq!(blobs.load(name, None, 5).await.unwrap(), b"chunk");
-        blobs.delete(name).await.unwrap();
-        blobs.delete(name).await.unwrap();
-        assert!(matches!(blobs.load(name, None, 5).await, Err(BlobError::Missing(n)) if n == name));
-    }
-
-    #[test]
-    fn a_full_disk_is_told_apart() {
-        assert!(BlobError::write("x", io::Error::from(io::ErrorKind::StorageFull)).is_full());
-        assert!(!BlobError::write("x", io::Error::from(io::ErrorKind::NotFound)).is_full());
+        let (name, from) = (BlobName::of(b"far"), dir.path().join("far"));
+        std::fs::write(&from, b"far").unwrap();
+        copy_in(&from, &blobs.root.join(name.to_string()), &blobs.staging).unwrap();
+        assert_eq!(blobs.load(name, None, 3).await.unwrap(), b"far");
+        assert_eq!(std::fs::read_dir(&blobs.staging).unwrap().count(), 0);
     }
 }

@@ -10,6 +10,9 @@ use std::{fmt, str::FromStr};
 pub struct BlobName(pub Digest);
 
 impl BlobName {
+    /// What every name begins with, up to the slash.
+    pub(super) const FOLDER: &str = "blake3";
+
     /// The name of these bytes.
     #[must_use]
     pub fn of(bytes: &[u8]) -> Self {
@@ -19,7 +22,7 @@ impl BlobName {
 
 impl fmt::Display for BlobName {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "blake3/{}", self.0)
+        write!(f, "{}/{}", Self::FOLDER, self.0)
     }
 }
 
@@ -27,7 +30,8 @@ impl FromStr for BlobName {
     type Err = BadId;
     fn from_str(text: &str) -> Result<Self, BadId> {
         let bad = || BadId { what: "blob name", text: text.chars().take(80).collect() };
-        text.strip_prefix("blake3/").ok_or_else(bad)?.parse().map(Self)
+        let digits = text.strip_prefix(Self::FOLDER).and_then(|rest| rest.strip_prefix('/'));
+        digits.ok_or_else(bad)?.parse().map(Self)
     }
 }
 
