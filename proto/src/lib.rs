@@ -18,6 +18,7 @@ pub mod options;
 pub mod plan;
 pub mod probe;
 pub mod scene;
+pub mod secret;
 pub mod segment;
 pub mod sets;
 pub mod settings;

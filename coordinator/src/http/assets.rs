@@ -159,6 +159,7 @@ fn how_far(job: &JobRecord) -> String {
             let crate::records::Progress { tiles, tiles_done, fraction, .. } = job.progress;
             format!("is baking: phase {phase}, {tiles_done} of {tiles} tiles, {:.0} %", 100.0 * fraction)
         }
+        JobState::Paused => "is paused".to_owned(),
         JobState::Assembling => "is being assembled".to_owned(),
         JobState::Done => "is done, but its package is not there yet".to_owned(),
         JobState::Cancelled => "was cancelled and has no package".to_owned(),

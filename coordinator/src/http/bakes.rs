@@ -4,13 +4,17 @@ use super::{
     App,
     catalogue::Kind,
     extract::{self, Query},
+    gate::Caller,
     import_query::upload_query,
     jobs,
     problem::{Answer, Failure},
     scenes,
     upload::Upload,
 };
-use crate::records::{JobRecord, NewJob, SceneRecord};
+use crate::{
+    auth::audit::Action,
+    records::{JobRecord, NewJob, SceneRecord},
+};
 use axum::{
     Json,
     extract::{Request, State},
@@ -53,6 +57,7 @@ pub(super) struct Bake {
     responses((status = 201, description = "Scene and job", body = Bake, headers(("location" = String, description = "The job")))))]
 pub(super) async fn create(
     State(app): State<App>,
+    caller: Caller,
     Query(query): Query<BakeQuery>,
     request: Request,
 ) -> Answer<(StatusCode, [(HeaderName, String); 1], Json<Bake>)> {
@@ -65,9 +70,10 @@ pub(super) async fn create(
         return Err(Failure::new(Kind::InvalidRequest, "settings come both in the query and in a part; say them once").field("settings"));
     }
     let settings = given.or(part).unwrap_or_default();
-    let scene = scenes::import(&app.engine, upload, options).await?;
+    let scene = scenes::import(&app.engine, upload, options, caller.principal.owner()).await?;
     let new = NewJob { scene: scene.id.to_string(), settings, priority: query.priority, labels: BTreeMap::new() };
-    let job = app.engine.create_job(new).await?;
+    let job = app.engine.create_job(new, &caller.principal).await?;
+    caller.note(Action::JobCreated, &job.id);
     Ok((StatusCode::CREATED, [(header::LOCATION, jobs::location(job.id))], Json(Bake { scene, job })))
 }
 

@@ -112,6 +112,15 @@ kinds! {
     ForeignOrigin "foreign-origin" FORBIDDEN "The request comes from a foreign web page"
         "Without access tokens this server accepts no requests that a page of another origin makes a browser send."
         "Use a page served from this machine, or a client that is not a browser.";
+    Unauthenticated "unauthenticated" UNAUTHORIZED "An access token is needed"
+        "The service has access tokens, and the request brought none, or one that is unknown, revoked or expired; `detail` says which."
+        "Send `Authorization: Bearer kiln_...`; `kiln` takes --token or KILN_TOKEN. Tokens are made with `kiln token create`.";
+    Forbidden "forbidden" FORBIDDEN "The token is not for this"
+        "The access token is good, but none of its roles allows this call; `detail` names those that do."
+        "Use a token with one of those roles.";
+    TooManyRequests "too-many-requests" TOO_MANY_REQUESTS "Too many requests"
+        "A token asked more often than the service allows, or an address presented too many tokens that are not accepted."
+        "Wait for the seconds that Retry-After names. The service's limits are access.requests_per_s and access.burst.";
     Conflict "conflict" CONFLICT "The request does not fit the present state"
         "Something has changed since; `detail` says what."
         "GET the resource and decide again.";

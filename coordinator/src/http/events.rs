@@ -9,6 +9,7 @@ use super::{
     App,
     catalogue::Kind,
     extract::{JobInPath, Query},
+    gate::{Caller, Gate},
     problem::{Answer, Failure, chain},
 };
 use crate::{
@@ -72,13 +73,15 @@ pub struct Snapshot {
         (status = 204, description = "The job has ended and nothing came after that event")))]
 pub(super) async fn stream(
     State(app): State<App>,
+    caller: Caller,
     JobInPath(job): JobInPath,
     Query(query): Query<EventsQuery>,
     headers: HeaderMap,
 ) -> Answer<Response> {
     let after = position(&headers, query.after)?;
     let record = app.engine.job(job).await?;
-    let mut follower = Follower { engine: app.engine, job, after, closing: app.closing, queue: VecDeque::new(), ended: false };
+    let App { engine, gate, closing, .. } = app;
+    let mut follower = Follower { engine, gate, caller, job, after, closing, queue: VecDeque::new(), ended: false };
     let mut first = follower.engine.events(job, after, PAGE).await?;
     if first.dropped && first.events.is_empty() {
         // A position that this stream never had, as after a restored backup: only the beginning is certain.
@@ -109,6 +112,8 @@ fn position(headers: &HeaderMap, after: Option<u64>) -> Answer<i64> {
 /// One client's position in one job's history.
 struct Follower {
     engine: Arc<Engine>,
+    gate: Arc<Gate>,
+    caller: Caller,
     job: JobId,
     after: i64,
     closing: CancellationToken,
@@ -117,7 +122,7 @@ struct Follower {
 }
 
 impl Follower {
-    /// The next event; `None` when the stream is over: final state, deleted job, shut-down.
+    /// The next event; `None` when the stream is over: final state, deleted job, token that is no longer good, shut-down.
     async fn next(&mut self) -> Option<Event> {
         loop {
             if let Some(event) = self.queue.pop_front() {
@@ -145,6 +150,10 @@ impl Follower {
     }
 
     async fn refill(&mut self) -> Result<(), EngineError> {
+        if !self.gate.still_admits(&self.caller).await? {
+            self.ended = true;
+            return Ok(());
+        }
         let page = self.engine.events(self.job, self.after, PAGE).await?;
         self.take(page).await
     }

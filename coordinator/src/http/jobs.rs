@@ -4,11 +4,13 @@ use super::{
     App,
     catalogue::Kind,
     extract::{JobInPath, Json as JsonBody, Query},
+    gate::Caller,
     problem::{Answer, Failure},
 };
 use crate::{
+    auth::audit::Action,
     engine::{Estimate, JobFilter, JobPage},
-    records::{JobRecord, JobState, NewJob, SceneState},
+    records::{JobChange, JobRecord, JobState, NewJob, SceneState},
 };
 use axum::{
     Json,
@@ -40,17 +42,23 @@ pub(super) struct CreateQuery {
     responses(
         (status = 201, description = "Created", body = JobRecord, headers(("location" = String, description = "The job"))),
         (status = 200, description = "With `dry_run`: what it would cost", body = Estimate)))]
-pub(super) async fn create(State(app): State<App>, Query(query): Query<CreateQuery>, JsonBody(new): JsonBody<NewJob>) -> Answer<Response> {
+pub(super) async fn create(
+    State(app): State<App>,
+    caller: Caller,
+    Query(query): Query<CreateQuery>,
+    JsonBody(new): JsonBody<NewJob>,
+) -> Answer<Response> {
     check(&new.settings)?;
-    let scene = app.engine.scene(&new.scene).await?;
+    let scene = app.engine.scene(&new.scene, caller.principal.sees()).await?;
     if scene.state == SceneState::Rejected {
         let detail = format!("the scene {} was rejected; no job can use it", new.scene);
         return Err(Failure::new(Kind::SceneNotReady, detail).problems(scene.problems));
     }
     if query.dry_run {
-        return Ok(Json(app.engine.estimate(&new).await?).into_response());
+        return Ok(Json(app.engine.estimate(&new, &caller.principal).await?).into_response());
     }
-    let job = app.engine.create_job(new).await?;
+    let job = app.engine.create_job(new, &caller.principal).await?;
+    caller.note(Action::JobCreated, &job.id);
     Ok((StatusCode::CREATED, [(header::LOCATION, location(job.id))], Json(job)).into_response())
 }
 
@@ -92,9 +100,9 @@ pub(super) struct ListQuery {
 /// Jobs, youngest first.
 #[utoipa::path(get, path = "/v1/jobs", operation_id = "listJobs", tag = "jobs", params(ListQuery),
     responses((status = 200, description = "A page of jobs", body = JobPage)))]
-pub(super) async fn list(State(app): State<App>, Query(query): Query<ListQuery>) -> Answer<Json<JobPage>> {
+pub(super) async fn list(State(app): State<App>, caller: Caller, Query(query): Query<ListQuery>) -> Answer<Json<JobPage>> {
     let label = query.label.as_deref().map(split_label).transpose()?;
-    let filter = JobFilter { state: query.state, label, cursor: query.cursor, limit: query.limit };
+    let filter = JobFilter { scope: caller.principal.sees(), state: query.state, label, cursor: query.cursor, limit: query.limit };
     Ok(Json(app.engine.jobs(&filter).await?))
 }
 
@@ -112,18 +120,48 @@ pub(super) async fn get(State(app): State<App>, JobInPath(job): JobInPath) -> An
     Ok(Json(app.engine.job(job).await?))
 }
 
+/// Pause, resume, or change the priority of a job.
+///
+/// A paused job leases nothing; what is leased is still delivered and counts. Pausing what is paused, or resuming what bakes, changes nothing.
+#[utoipa::path(patch, path = "/v1/jobs/{id}", operation_id = "changeJob", tag = "jobs", params(("id" = String, Path, description = "The job's id")),
+    request_body = JobChange, responses((status = 200, description = "The job as it is now", body = JobRecord)))]
+pub(super) async fn change(
+    State(app): State<App>,
+    caller: Caller,
+    JobInPath(job): JobInPath,
+    JsonBody(change): JsonBody<JobChange>,
+) -> Answer<Json<JobRecord>> {
+    let record = app.engine.change_job(job, &change).await?;
+    caller.note(Action::JobChanged, &job);
+    Ok(Json(record))
+}
+
+/// Try the tiles again that were given up.
+///
+/// For a job that failed because workers failed a tile again and again; what was baked is kept.
+#[utoipa::path(post, path = "/v1/jobs/{id}/retry", operation_id = "retryJob", tag = "jobs", params(("id" = String, Path, description = "The job's id")),
+    responses((status = 200, description = "The job as it is now", body = JobRecord)))]
+pub(super) async fn retry(State(app): State<App>, caller: Caller, JobInPath(job): JobInPath) -> Answer<Json<JobRecord>> {
+    let record = app.engine.retry_job(job).await?;
+    caller.note(Action::JobRetried, &job);
+    Ok(Json(record))
+}
+
 /// Cancel a job. One that has ended is left as it is.
 #[utoipa::path(post, path = "/v1/jobs/{id}/cancel", operation_id = "cancelJob", tag = "jobs", params(("id" = String, Path, description = "The job's id")),
     responses((status = 200, description = "The job as it is now", body = JobRecord)))]
-pub(super) async fn cancel(State(app): State<App>, JobInPath(job): JobInPath) -> Answer<Json<JobRecord>> {
-    Ok(Json(app.engine.cancel_job(job).await?))
+pub(super) async fn cancel(State(app): State<App>, caller: Caller, JobInPath(job): JobInPath) -> Answer<Json<JobRecord>> {
+    let record = app.engine.cancel_job(job).await?;
+    caller.note(Action::JobCancelled, &job);
+    Ok(Json(record))
 }
 
 /// Cancel a job and remove every trace of it, its package included.
 #[utoipa::path(delete, path = "/v1/jobs/{id}", operation_id = "deleteJob", tag = "jobs", params(("id" = String, Path, description = "The job's id")),
     responses((status = 204, description = "Gone")))]
-pub(super) async fn delete(State(app): State<App>, JobInPath(job): JobInPath) -> Answer<StatusCode> {
+pub(super) async fn delete(State(app): State<App>, caller: Caller, JobInPath(job): JobInPath) -> Answer<StatusCode> {
     app.engine.delete_job(job).await?;
+    caller.note(Action::JobDeleted, &job);
     Ok(StatusCode::NO_CONTENT)
 }
 

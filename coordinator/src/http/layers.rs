@@ -85,7 +85,7 @@ pub(super) async fn guard(State(hosts): State<HostPolicy>, request: Request, nex
     }
 }
 
-fn admit(policy: HostPolicy, uri: &Uri, headers: &HeaderMap) -> Result<(), Failure> {
+pub(super) fn admit(policy: HostPolicy, uri: &Uri, headers: &HeaderMap) -> Result<(), Failure> {
     if policy == HostPolicy::Any {
         return Ok(());
     }

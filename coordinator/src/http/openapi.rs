@@ -6,11 +6,11 @@
 use super::{
     archive, assets, bakes,
     catalogue::Kind,
-    events, health, import_query, index, jobs, live, metrics, page, preview, problem,
+    events, health, import_query, index, jobs, links, live, metrics, page, preview, problem,
     routes::{Route, Routes},
-    scenes, settings_schema, tiles, worker_protocol, workers,
+    scenes, session, settings_schema, tiles, worker_protocol, workers,
 };
-use crate::records;
+use crate::{auth::Access, records};
 use axum::Json;
 use serde_json::{Value, json};
 use std::{collections::BTreeMap, sync::LazyLock};
@@ -24,14 +24,16 @@ use utoipa::OpenApi;
         (name = "scenes", description = "Upload and look up scenes"),
         (name = "jobs", description = "Submit bakes and follow them"),
         (name = "packages", description = "Fetch what was baked"),
+        (name = "access", description = "Sessions of browsers; tokens are made with `kiln token`"),
         (name = "operations", description = "Workers, health, figures"),
         (name = "worker", description = "The worker protocol: frames of `proto::wire`, refusals as `Refusal` frames"),
         (name = "pages", description = "For people")),
     paths(
         page::dashboard, page::job, page::asset, page::library, index::about, index::problem_page, document,
         scenes::create, scenes::get, bakes::create,
-        jobs::create, jobs::list, jobs::get, jobs::delete, jobs::cancel, events::stream, tiles::get, live::scene, live::segments,
+        jobs::create, jobs::list, jobs::get, jobs::change, jobs::retry, jobs::delete, jobs::cancel, events::stream, tiles::get, live::scene, live::segments,
         assets::manifest, assets::file, archive::zip, archive::tar_zst, preview::picture,
+        links::create, session::open, session::close,
         worker_protocol::hello, worker_protocol::lease, worker_protocol::scene, worker_protocol::plan, worker_protocol::chunk,
         worker_protocol::heartbeat, worker_protocol::complete, worker_protocol::release,
         workers::list, workers::throughput, health::healthz, health::readyz, metrics::render),
@@ -74,7 +76,9 @@ fn complete(derived: &utoipa::openapi::OpenApi, routes: &[Route]) -> Value {
     name_shared_types(&mut document);
     describe_uploads(&mut document);
     describe_bytes(&mut document["paths"]);
+    document["components"]["securitySchemes"] = security_schemes();
     for route in routes {
+        document["paths"][route.documented_path()][route.verb.name()]["security"] = security(route.access);
         add_problems(&mut document["paths"][route.documented_path()][route.verb.name()]["responses"], route);
     }
     document
@@ -140,11 +144,37 @@ fn describe_bytes(value: &mut Value) {
     }
 }
 
-/// Problems by status: what the table says, and what any route may answer.
+/// How a client says who it is.
+fn security_schemes() -> Value {
+    json!({
+        "token": {"type": "http", "scheme": "bearer", "bearerFormat": "kiln_ID_SECRET",
+            "description": "An access token, made with `kiln token create`. An operation takes one of the roles that its `security` lists. \
+                Not needed as long as a service on a loopback address has no tokens."},
+        "session": {"type": "apiKey", "in": "cookie", "name": super::credentials::COOKIE,
+            "description": "A browser's session, opened with POST /v1/session. Whatever changes something must come from a page of the service."},
+        "link": {"type": "apiKey", "in": "query", "name": "signature",
+            "description": "A link signed with POST /v1/jobs/{id}/links, together with its `expires`: reads this one address."},
+    })
+}
+
+/// What an operation asks for; nothing for what is public.
+fn security(access: Access) -> Value {
+    let roles: Vec<&str> = access.roles().iter().map(crate::auth::Role::name).collect();
+    match access {
+        Access::Public => json!([]),
+        Access::Work => json!([{"token": roles}]),
+        Access::Package => json!([{"token": roles}, {"session": roles}, {"link": []}]),
+        _ => json!([{"token": roles}, {"session": roles}]),
+    }
+}
+
+/// Problems by status: what the table says, those of access, and what any route may answer.
 fn add_problems(responses: &mut Value, route: &Route) {
     const ALWAYS: &[Kind] = &[Kind::ForeignHost, Kind::ForeignOrigin, Kind::Busy, Kind::Internal];
+    const OF_ACCESS: &[Kind] = &[Kind::Unauthenticated, Kind::Forbidden, Kind::TooManyRequests];
+    let of_access = if route.access == Access::Public { &[] } else { OF_ACCESS };
     let mut by_status: BTreeMap<u16, Vec<Kind>> = BTreeMap::new();
-    for kind in route.problems.iter().chain(ALWAYS) {
+    for kind in route.problems.iter().chain(of_access).chain(ALWAYS) {
         by_status.entry(kind.entry().status.as_u16()).or_default().push(*kind);
     }
     for (status, kinds) in by_status {
@@ -187,6 +217,26 @@ mod tests {
         let names: Vec<&str> = operations.filter_map(|operation| operation["operationId"].as_str()).collect();
         assert_eq!(names.iter().collect::<BTreeSet<_>>().len(), names.len());
         assert_eq!(names.len(), Routes::all().list.len());
+    }
+
+    #[test]
+    fn operations_say_who_may_use_them_and_how_others_are_refused() {
+        for route in Routes::all().list {
+            let operation = &openapi()["paths"][route.documented_path()][route.verb.name()];
+            let path = route.documented_path();
+            let asks = operation["security"].as_array().unwrap();
+            assert_eq!(asks.is_empty(), route.access == Access::Public, "{path}");
+            for ask in asks {
+                let scheme = ask.as_object().unwrap().keys().next().unwrap();
+                assert!(openapi()["components"]["securitySchemes"][scheme].is_object(), "{path}: {scheme}");
+            }
+            for (status, slug) in [("401", "unauthenticated"), ("403", "forbidden"), ("429", "too-many-requests")] {
+                let examples = &operation["responses"][status]["content"]["application/problem+json"]["examples"];
+                // Logging in asks for nothing beforehand, and still may be refused.
+                let logs_in = operation["operationId"] == "logIn" && slug != "forbidden";
+                assert_eq!(examples[slug].is_object(), !asks.is_empty() || logs_in, "{path} {status}");
+            }
+        }
     }
 
     #[test]

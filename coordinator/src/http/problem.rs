@@ -218,6 +218,7 @@ impl From<EngineError> for Failure {
             EngineError::Unavailable(_) => Failure::new(Kind::Busy, detail).retry_after(2),
             other @ (EngineError::Locked { .. }
             | EngineError::DataFolder { .. }
+            | EngineError::Blobs(_)
             | EngineError::Store(_)
             | EngineError::Blob(_)
             | EngineError::Broken(_)) => Failure::internal(other),

@@ -4,26 +4,42 @@
 //! other: a test compares them, and the problem responses of the document are generated from here.
 
 use super::{
-    App, archive, assets, bakes, catalogue::Kind, events, health, index, jobs, live, metrics, openapi, page, preview, scenes, tiles,
-    worker_protocol, workers,
+    App, archive, assets, bakes, catalogue::Kind, events, health, index, jobs, links, live, metrics, openapi, page, preview, scenes,
+    session, tiles, worker_protocol, workers,
 };
+use crate::auth::Access;
 use axum::{
     Router,
     handler::Handler,
+    http::Method,
     routing::{MethodFilter, on},
 };
 
 /// The methods in use.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[allow(missing_docs)] // HTTP's own names.
 pub(super) enum Verb {
     Get,
     Post,
     Put,
+    Patch,
     Delete,
 }
 
 impl Verb {
+    /// The verb of a method; GET answers HEAD too.
+    #[must_use]
+    pub(super) fn of(method: &Method) -> Option<Self> {
+        match *method {
+            Method::GET | Method::HEAD => Some(Verb::Get),
+            Method::POST => Some(Verb::Post),
+            Method::PUT => Some(Verb::Put),
+            Method::PATCH => Some(Verb::Patch),
+            Method::DELETE => Some(Verb::Delete),
+            _ => None,
+        }
+    }
+
     /// As an OpenAPI path item names it.
     #[must_use]
     pub(super) fn name(self) -> &'static str {
@@ -31,6 +47,7 @@ impl Verb {
             Verb::Get => "get",
             Verb::Post => "post",
             Verb::Put => "put",
+            Verb::Patch => "patch",
             Verb::Delete => "delete",
         }
     }
@@ -40,6 +57,7 @@ impl Verb {
             Verb::Get => MethodFilter::GET,
             Verb::Post => MethodFilter::POST,
             Verb::Put => MethodFilter::PUT,
+            Verb::Patch => MethodFilter::PATCH,
             Verb::Delete => MethodFilter::DELETE,
         }
     }
@@ -52,7 +70,9 @@ pub(super) struct Route {
     pub verb: Verb,
     /// The path in axum's notation.
     pub path: &'static str,
-    /// Problems that this route may answer with, beside those that any may (403, 404, 405, 500, 503).
+    /// Who may use it.
+    pub access: Access,
+    /// Problems that this route may answer with, beside those that any may (404, 405, 500, 503) and those of access (401, 403, 429).
     pub problems: &'static [Kind],
 }
 
@@ -74,75 +94,83 @@ pub(super) struct Routes {
 }
 
 impl Routes {
-    fn on<H, T>(mut self, verb: Verb, path: &'static str, problems: &'static [Kind], handler: H) -> Self
+    fn on<H, T>(mut self, verb: Verb, path: &'static str, access: Access, problems: &'static [Kind], handler: H) -> Self
     where
         H: Handler<T, App>,
         T: 'static,
     {
         self.router = self.router.route(path, on(verb.filter(), handler));
-        self.list.push(Route { verb, path, problems });
+        self.list.push(Route { verb, path, access, problems });
         self
     }
 
     /// Everything that is served.
     #[must_use]
     pub(super) fn all() -> Self {
-        Self::default().pages().scenes().jobs().packages().worker_protocol().operations()
+        Self::default().pages().scenes().jobs().packages().access().worker_protocol().operations()
     }
 
     fn pages(self) -> Self {
-        self.on(Verb::Get, "/", PAGE, page::dashboard)
-            .on(Verb::Get, "/jobs/{id}", &[Kind::UnknownJob, Kind::PreconditionFailed], page::job)
-            .on(Verb::Get, "/assets/{*path}", &[Kind::NotFound, Kind::PreconditionFailed], page::asset)
-            .on(Verb::Get, "/kiln-viewer.js", &[Kind::NotFound, Kind::PreconditionFailed], page::library)
-            .on(Verb::Get, "/about", &[], index::about)
-            .on(Verb::Get, "/problems/{slug}", &[], index::problem_page)
-            .on(Verb::Get, "/openapi.json", &[], openapi::document)
+        self.on(Verb::Get, "/", Access::Public, PAGE, page::dashboard)
+            .on(Verb::Get, "/jobs/{id}", Access::Public, &[Kind::UnknownJob, Kind::PreconditionFailed], page::job)
+            .on(Verb::Get, "/assets/{*path}", Access::Public, &[Kind::NotFound, Kind::PreconditionFailed], page::asset)
+            .on(Verb::Get, "/kiln-viewer.js", Access::Public, &[Kind::NotFound, Kind::PreconditionFailed], page::library)
+            .on(Verb::Get, "/about", Access::Look, &[], index::about)
+            .on(Verb::Get, "/problems/{slug}", Access::Public, &[], index::problem_page)
+            .on(Verb::Get, "/openapi.json", Access::Look, &[], openapi::document)
     }
 
     fn scenes(self) -> Self {
-        self.on(Verb::Post, "/v1/scenes", UPLOAD, scenes::create)
-            .on(Verb::Get, "/v1/scenes/{scene}", &[Kind::UnknownScene], scenes::get)
-            .on(Verb::Post, "/v1/bakes", BAKE, bakes::create)
+        self.on(Verb::Post, "/v1/scenes", Access::Submit, UPLOAD, scenes::create)
+            .on(Verb::Get, "/v1/scenes/{scene}", Access::Look, &[Kind::UnknownScene], scenes::get)
+            .on(Verb::Post, "/v1/bakes", Access::Submit, BAKE, bakes::create)
     }
 
     fn jobs(self) -> Self {
-        self.on(Verb::Post, "/v1/jobs", NEW_JOB, jobs::create)
-            .on(Verb::Get, "/v1/jobs", &[Kind::InvalidRequest], jobs::list)
-            .on(Verb::Get, "/v1/jobs/{id}", &[Kind::UnknownJob], jobs::get)
-            .on(Verb::Delete, "/v1/jobs/{id}", &[Kind::UnknownJob], jobs::delete)
-            .on(Verb::Post, "/v1/jobs/{id}/cancel", &[Kind::UnknownJob], jobs::cancel)
-            .on(Verb::Get, "/v1/jobs/{id}/events", &[Kind::UnknownJob, Kind::InvalidRequest], events::stream)
-            .on(Verb::Get, "/v1/jobs/{id}/scene.kiln", SCENE, live::scene)
-            .on(Verb::Get, "/v1/jobs/{id}/segments", &[Kind::UnknownJob, Kind::InvalidRequest], live::segments)
-            .on(Verb::Get, "/v1/jobs/{id}/tiles", &[Kind::UnknownJob, Kind::InvalidRequest], tiles::get)
+        self.on(Verb::Post, "/v1/jobs", Access::Submit, NEW_JOB, jobs::create)
+            .on(Verb::Get, "/v1/jobs", Access::Look, &[Kind::InvalidRequest], jobs::list)
+            .on(Verb::Get, "/v1/jobs/{id}", Access::LookAtJob, &[Kind::UnknownJob], jobs::get)
+            .on(Verb::Patch, "/v1/jobs/{id}", Access::ChangeJob, CHANGE, jobs::change)
+            .on(Verb::Post, "/v1/jobs/{id}/retry", Access::ChangeJob, &[Kind::UnknownJob, Kind::Conflict], jobs::retry)
+            .on(Verb::Delete, "/v1/jobs/{id}", Access::ChangeJob, &[Kind::UnknownJob], jobs::delete)
+            .on(Verb::Post, "/v1/jobs/{id}/cancel", Access::ChangeJob, &[Kind::UnknownJob], jobs::cancel)
+            .on(Verb::Get, "/v1/jobs/{id}/events", Access::LookAtJob, &[Kind::UnknownJob, Kind::InvalidRequest], events::stream)
+            .on(Verb::Get, "/v1/jobs/{id}/scene.kiln", Access::LookAtJob, SCENE, live::scene)
+            .on(Verb::Get, "/v1/jobs/{id}/segments", Access::LookAtJob, &[Kind::UnknownJob, Kind::InvalidRequest], live::segments)
+            .on(Verb::Get, "/v1/jobs/{id}/tiles", Access::LookAtJob, &[Kind::UnknownJob, Kind::InvalidRequest], tiles::get)
     }
 
     fn packages(self) -> Self {
-        self.on(Verb::Get, "/v1/jobs/{id}/assets", FILE, assets::manifest)
-            .on(Verb::Get, "/v1/jobs/{id}/assets/{*path}", FILE, assets::file)
-            .on(Verb::Get, "/v1/jobs/{id}/bundle.zip", ARCHIVE, archive::zip)
-            .on(Verb::Get, "/v1/jobs/{id}/bundle.tar.zst", ARCHIVE, archive::tar_zst)
-            .on(Verb::Get, "/v1/jobs/{id}/preview.png", PICTURE, preview::picture)
+        self.on(Verb::Get, "/v1/jobs/{id}/assets", Access::Package, FILE, assets::manifest)
+            .on(Verb::Get, "/v1/jobs/{id}/assets/{*path}", Access::Package, FILE, assets::file)
+            .on(Verb::Get, "/v1/jobs/{id}/bundle.zip", Access::Package, ARCHIVE, archive::zip)
+            .on(Verb::Get, "/v1/jobs/{id}/bundle.tar.zst", Access::Package, ARCHIVE, archive::tar_zst)
+            .on(Verb::Get, "/v1/jobs/{id}/preview.png", Access::Package, PICTURE, preview::picture)
+    }
+
+    fn access(self) -> Self {
+        self.on(Verb::Post, "/v1/session", Access::Public, LOG_IN, session::open)
+            .on(Verb::Delete, "/v1/session", Access::Public, &[], session::close)
+            .on(Verb::Post, "/v1/jobs/{id}/links", Access::ChangeJob, NEW_LINK, links::create)
     }
 
     fn worker_protocol(self) -> Self {
-        self.on(Verb::Post, "/v1/worker/hello", &[], worker_protocol::hello)
-            .on(Verb::Post, "/v1/worker/leases", &[], worker_protocol::lease)
-            .on(Verb::Get, "/v1/worker/scenes/{hash}", &[], worker_protocol::scene)
-            .on(Verb::Get, "/v1/worker/plans/{digest}", &[], worker_protocol::plan)
-            .on(Verb::Put, "/v1/worker/attempts/{token}/chunks/{n}", &[], worker_protocol::chunk)
-            .on(Verb::Post, "/v1/worker/attempts/{token}/heartbeat", &[], worker_protocol::heartbeat)
-            .on(Verb::Post, "/v1/worker/attempts/{token}/complete", &[], worker_protocol::complete)
-            .on(Verb::Post, "/v1/worker/attempts/{token}/release", &[], worker_protocol::release)
+        self.on(Verb::Post, "/v1/worker/hello", Access::Work, &[], worker_protocol::hello)
+            .on(Verb::Post, "/v1/worker/leases", Access::Work, &[], worker_protocol::lease)
+            .on(Verb::Get, "/v1/worker/scenes/{hash}", Access::Work, &[], worker_protocol::scene)
+            .on(Verb::Get, "/v1/worker/plans/{digest}", Access::Work, &[], worker_protocol::plan)
+            .on(Verb::Put, "/v1/worker/attempts/{token}/chunks/{n}", Access::Work, &[], worker_protocol::chunk)
+            .on(Verb::Post, "/v1/worker/attempts/{token}/heartbeat", Access::Work, &[], worker_protocol::heartbeat)
+            .on(Verb::Post, "/v1/worker/attempts/{token}/complete", Access::Work, &[], worker_protocol::complete)
+            .on(Verb::Post, "/v1/worker/attempts/{token}/release", Access::Work, &[], worker_protocol::release)
     }
 
     fn operations(self) -> Self {
-        self.on(Verb::Get, "/v1/workers", &[], workers::list)
-            .on(Verb::Get, "/v1/throughput", &[], workers::throughput)
-            .on(Verb::Get, "/healthz", &[], health::healthz)
-            .on(Verb::Get, "/readyz", &[Kind::NotReady], health::readyz)
-            .on(Verb::Get, "/metrics", &[], metrics::render)
+        self.on(Verb::Get, "/v1/workers", Access::Look, &[], workers::list)
+            .on(Verb::Get, "/v1/throughput", Access::Look, &[], workers::throughput)
+            .on(Verb::Get, "/healthz", Access::Public, &[], health::healthz)
+            .on(Verb::Get, "/readyz", Access::Public, &[Kind::NotReady], health::readyz)
+            .on(Verb::Get, "/metrics", Access::Operate, &[], metrics::render)
     }
 }
 
@@ -181,8 +209,21 @@ const NEW_JOB: &[Kind] = &[
     Kind::InvalidSettings,
     Kind::StorageFull,
 ];
+const CHANGE: &[Kind] = &[
+    Kind::UnknownJob,
+    Kind::Conflict,
+    Kind::InvalidJson,
+    Kind::WrongShape,
+    Kind::TruncatedUpload,
+    Kind::TooSlow,
+    Kind::TooLarge,
+    Kind::UnsupportedMediaType,
+];
 const PAGE: &[Kind] = &[Kind::PreconditionFailed];
 const FILE: &[Kind] = &[Kind::UnknownJob, Kind::UnknownAsset, Kind::JobNotDone, Kind::PreconditionFailed, Kind::RangeNotSatisfiable];
 const SCENE: &[Kind] = &[Kind::UnknownJob, Kind::JobNotDone, Kind::PreconditionFailed];
 const ARCHIVE: &[Kind] = &[Kind::UnknownJob, Kind::JobNotDone, Kind::PreconditionFailed];
 const PICTURE: &[Kind] = &[Kind::UnknownJob, Kind::JobNotDone, Kind::InvalidRequest, Kind::PreconditionFailed, Kind::SceneTooLarge];
+const LOG_IN: &[Kind] =
+    &[Kind::InvalidJson, Kind::WrongShape, Kind::UnsupportedMediaType, Kind::TooLarge, Kind::Unauthenticated, Kind::TooManyRequests];
+const NEW_LINK: &[Kind] = &[Kind::UnknownJob, Kind::InvalidJson, Kind::WrongShape, Kind::UnsupportedMediaType, Kind::TooLarge];

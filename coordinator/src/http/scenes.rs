@@ -3,11 +3,13 @@
 use super::{
     App,
     extract::{Path, Query},
+    gate::Caller,
     import_query::upload_query,
     problem::{Answer, Failure},
     upload::Upload,
 };
 use crate::{
+    auth::TokenId,
     engine::{Engine, EngineError},
     records::{SceneRecord, SceneState},
 };
@@ -42,12 +44,13 @@ upload_query! {
         (status = 202, description = "Still importing; ask again at Location", body = SceneRecord)))]
 pub(super) async fn create(
     State(app): State<App>,
+    caller: Caller,
     Query(query): Query<UploadQuery>,
     request: Request,
 ) -> Answer<(StatusCode, [(HeaderName, String); 1], Json<SceneRecord>)> {
     let options = query.options()?;
     let upload = Upload::receive(&app.engine, request, query.name.as_deref()).await?;
-    let scene = import(&app.engine, upload, options).await?;
+    let scene = import(&app.engine, upload, options, caller.principal.owner()).await?;
     let status = if scene.state == SceneState::Ready { StatusCode::CREATED } else { StatusCode::ACCEPTED };
     Ok((status, [(header::LOCATION, format!("/v1/scenes/{}", scene.id))], Json(scene)))
 }
@@ -56,12 +59,12 @@ pub(super) async fn create(
 ///
 /// # Errors
 /// A rejected scene, with every problem found.
-pub(super) async fn import(engine: &Engine, upload: Upload, options: ImportOptions) -> Answer<SceneRecord> {
+pub(super) async fn import(engine: &Engine, upload: Upload, options: ImportOptions, owner: Option<TokenId>) -> Answer<SceneRecord> {
     let rejected = |error| match error {
         EngineError::Invalid(problems) => Failure::scene_rejected(problems),
         other => other.into(),
     };
-    let added = upload.give(|files| engine.add_scene(files, options)).await.map_err(rejected)?;
+    let added = upload.give(|files| engine.add_scene(files, options, owner)).await.map_err(rejected)?;
     let scene = engine.wait_for_scene(added.id, IMPORT_WAIT).await?;
     if scene.state == SceneState::Rejected { Err(Failure::scene_rejected(scene.problems)) } else { Ok(scene) }
 }
@@ -70,6 +73,6 @@ pub(super) async fn import(engine: &Engine, upload: Upload, options: ImportOptio
 #[utoipa::path(get, path = "/v1/scenes/{scene}", operation_id = "getScene", tag = "scenes",
     params(("scene" = String, Path, description = "Id of the upload, or the scene's hash")),
     responses((status = 200, description = "The scene; a rejected one lists its problems", body = SceneRecord)))]
-pub(super) async fn get(State(app): State<App>, Path(scene): Path<String>) -> Answer<Json<SceneRecord>> {
-    Ok(Json(app.engine.scene(&scene).await?))
+pub(super) async fn get(State(app): State<App>, caller: Caller, Path(scene): Path<String>) -> Answer<Json<SceneRecord>> {
+    Ok(Json(app.engine.scene(&scene, caller.principal.sees()).await?))
 }

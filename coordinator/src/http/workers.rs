@@ -1,6 +1,7 @@
 //! `/v1/workers` and `/v1/throughput`: who is here, and what is done.
 
-use super::{App, problem::Answer};
+use super::{App, gate::Caller, problem::Answer};
+use crate::auth::Scope;
 use crate::records::{Throughput, WorkerRecord};
 use axum::{Json, extract::State};
 use serde::Serialize;
@@ -13,10 +14,14 @@ pub(super) struct WorkerList {
     pub workers: Vec<WorkerRecord>,
 }
 
-/// Workers that were heard not too long ago.
+/// Workers that were heard not too long ago. Which job each bakes is told to those who may see every job.
 #[utoipa::path(get, path = "/v1/workers", operation_id = "listWorkers", tag = "operations", responses((status = 200, description = "The workers", body = WorkerList)))]
-pub(super) async fn list(State(app): State<App>) -> Answer<Json<WorkerList>> {
-    Ok(Json(WorkerList { workers: app.engine.workers().await? }))
+pub(super) async fn list(State(app): State<App>, caller: Caller) -> Answer<Json<WorkerList>> {
+    let mut workers = app.engine.workers().await?;
+    if caller.principal.sees() != Scope::All {
+        workers.iter_mut().for_each(|worker| worker.job = None);
+    }
+    Ok(Json(WorkerList { workers }))
 }
 
 /// What the farm did over the last hour, in spans of five seconds. Kept in memory, so that a restart forgets it.

@@ -3,6 +3,11 @@
 use super::*;
 
 impl Bench {
+    async fn patch(&self, id: &str, change: &'static str) -> Reply {
+        let request = Request::patch(format!("/v1/jobs/{id}")).header(header::CONTENT_TYPE, "application/json");
+        self.send(request.body(Body::from(change)).unwrap()).await
+    }
+
     /// A job of the smallest scene; no worker ever takes its tiles.
     pub(super) async fn job(&self) -> String {
         let body = parts(&[("settings", None, r#"{"preset": "draft"}"#), ("scene", Some("room.obj"), OBJ)]);
@@ -33,12 +38,38 @@ async fn unknown_jobs_are_not_found_whatever_is_asked_of_them() {
         }
         let cancel = Request::post(format!("/v1/jobs/{id}/cancel")).body(Body::empty()).unwrap();
         assert_eq!(bench.send(cancel).await.problem().1, "unknown-job");
+        let retry = Request::post(format!("/v1/jobs/{id}/retry")).body(Body::empty()).unwrap();
+        assert_eq!(bench.send(retry).await.problem().1, "unknown-job");
+        assert_eq!(bench.patch(id, r#"{"priority": 3}"#).await.problem().1, "unknown-job");
         let delete = Request::delete(format!("/v1/jobs/{id}")).body(Body::empty()).unwrap();
         assert_eq!(bench.send(delete).await.problem().1, "unknown-job");
     }
     assert_eq!(bench.get("/v1/scenes/nonsense").await.problem().1, "unknown-scene");
     let unknown = format!(r#"{{"scene": "{}"}}"#, "0".repeat(64));
     assert_eq!(bench.post_json("/v1/jobs", &unknown).await.problem().1, "unknown-scene");
+}
+
+#[tokio::test]
+async fn a_job_is_paused_resumed_and_moved_up() {
+    let bench = Bench::new().await;
+    let id = bench.job().await;
+    while bench.get(&format!("/v1/jobs/{id}")).await.json()["state"] != "baking" {
+        tokio::time::sleep(std::time::Duration::from_millis(5)).await;
+    }
+    let paused = bench.patch(&id, r#"{"paused": true, "priority": 3}"#).await.json();
+    assert_eq!((&paused["state"], &paused["priority"]), (&"paused".into(), &3.into()));
+    assert!(paused["waiting"].as_str().unwrap().contains("kiln resume"), "{paused}");
+    assert_eq!(bench.patch(&id, r#"{"paused": true}"#).await.json()["state"], "paused", "twice is once");
+    assert_eq!(bench.get("/v1/jobs?state=paused").await.json()["jobs"][0]["id"], id.as_str());
+    assert_eq!(bench.patch(&id, r#"{"paused": false}"#).await.json()["state"], "baking");
+    let retry = Request::post(format!("/v1/jobs/{id}/retry")).body(Body::empty()).unwrap();
+    let (status, kind, detail) = bench.send(retry).await.problem();
+    assert_eq!((status, kind.as_str()), (409, "conflict"), "{detail}");
+    assert!(detail.contains("given up"), "{detail}");
+    let (status, kind, detail) = bench.patch(&id, r#"{"pauze": true}"#).await.problem();
+    assert_eq!((status, kind.as_str()), (422, "wrong-shape"), "{detail}");
+    bench.send(Request::post(format!("/v1/jobs/{id}/cancel")).body(Body::empty()).unwrap()).await;
+    assert_eq!(bench.patch(&id, r#"{"paused": true}"#).await.problem().1, "conflict");
 }
 
 #[tokio::test]

@@ -1,11 +1,13 @@
 //! The real router over a real engine in a temporary folder.
 
+mod access;
 mod jobs;
 mod package;
 mod page;
 mod preview;
 mod surface;
 mod tcp;
+mod tls;
 mod uploads;
 mod worker;
 
@@ -63,7 +65,7 @@ impl Bench {
     }
 
     fn over(engine: Arc<Engine>, folder: TempDir) -> Self {
-        let router = App::new(Arc::clone(&engine), HostPolicy::Loopback, CancellationToken::new()).router();
+        let router = App::new(Arc::clone(&engine), HostPolicy::Loopback, None, CancellationToken::new()).router();
         Self { engine, router, folder }
     }
 

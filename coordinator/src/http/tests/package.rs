@@ -150,7 +150,7 @@ async fn a_scene_becomes_a_package_over_http() {
     let folder = TempDir::new().unwrap();
     let config = config(&folder);
     std::fs::create_dir_all(&config.data_dir).unwrap();
-    let parts = Parts { pipeline: Arc::new(Names), ..Parts::local(&config.data_dir).await.unwrap() };
+    let parts = Parts { pipeline: Arc::new(Names), ..Parts::of(&config).await.unwrap() };
     let bench = Bench::over(Engine::open_with(config, parts).await.unwrap(), folder);
     let hello = Hello { bake_version: BAKE_VERSION, name: "test".into(), threads: 1, features: vec![] };
     let welcome: Welcome = from_frame(&bench.call("/v1/worker/hello", &hello).await.body).unwrap();

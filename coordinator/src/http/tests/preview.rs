@@ -42,7 +42,7 @@ async fn a_head_is_answered_without_the_picture(bench: &Bench, job: &str) {
 async fn a_service_that_stops_makes_no_pictures(bench: &Bench, job: &str) {
     let closing = CancellationToken::new();
     closing.cancel();
-    let router = App::new(Arc::clone(&bench.engine), HostPolicy::Loopback, closing).router();
+    let router = App::new(Arc::clone(&bench.engine), HostPolicy::Loopback, None, closing).router();
     let path = format!("/v1/jobs/{job}/preview.png?eye=5,5,5&w=8&h=8");
     let reply = send(&router, Request::get(path).body(Body::empty()).unwrap()).await;
     assert_eq!((reply.problem().1.as_str(), &reply.headers[header::RETRY_AFTER]), ("busy", &"2".parse().unwrap()));
@@ -87,7 +87,7 @@ async fn a_job_that_is_deleted_while_its_picture_is_made_is_unknown() {
     let bench = Bench::new().await;
     let job = real::submit(&bench.engine).await;
     real::bake(&bench.engine, job).await;
-    let app = App::new(Arc::clone(&bench.engine), HostPolicy::Loopback, CancellationToken::new());
+    let app = App::new(Arc::clone(&bench.engine), HostPolicy::Loopback, None, CancellationToken::new());
     let package = bench.engine.stored_package(job).await.unwrap();
     std::fs::remove_dir_all(bench.folder.path().join("data/blobs")).unwrap();
     let make = || package.picture(&View::default(), &Stop::default()).unwrap_err();
@@ -105,7 +105,7 @@ async fn a_job_that_is_deleted_while_its_picture_is_made_is_unknown() {
 async fn live_views_beyond_those_that_wait_are_told_to_come_back() {
     let bench = Bench::new().await;
     let job = real::submit(&bench.engine).await;
-    let app = App::new(Arc::clone(&bench.engine), HostPolicy::Loopback, CancellationToken::new());
+    let app = App::new(Arc::clone(&bench.engine), HostPolicy::Loopback, None, CancellationToken::new());
     let router = app.clone().router();
     let mut waiting: Vec<_> = (0..20).map(|_| Box::pin(app.live.leave())).collect();
     let mut held = Vec::new();

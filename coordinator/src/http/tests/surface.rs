@@ -66,7 +66,7 @@ async fn json_is_judged_with_field_and_position() {
 #[tokio::test]
 async fn a_panic_is_an_internal_problem_and_the_service_goes_on() {
     let bench = Bench::new().await;
-    let app = App::new(Arc::clone(&bench.engine), HostPolicy::Loopback, CancellationToken::new());
+    let app = App::new(Arc::clone(&bench.engine), HostPolicy::Loopback, None, CancellationToken::new());
     let routes =
         Router::new().route("/panic", get(async || -> &'static str { panic!("the secret reason") })).route("/fine", get(async || "fine"));
     let router = app.surround(routes);

@@ -1,7 +1,7 @@
 //! The service on a real socket: what the in-process router cannot show. Cut connections, slow clients, streams, an orderly end.
 
 use super::*;
-use crate::http::serve;
+use crate::http::{Door, serve};
 use kiln_proto::{
     BAKE_VERSION,
     wire::{
@@ -29,7 +29,7 @@ impl Service {
         let bench = Bench::new().await;
         let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
         let (address, shutdown) = (listener.local_addr().unwrap(), CancellationToken::new());
-        let serving = tokio::spawn(serve(listener, Arc::clone(&bench.engine), shutdown.clone()));
+        let serving = tokio::spawn(serve(vec![Door::Plain(listener)], Arc::clone(&bench.engine), None, shutdown.clone()));
         Self { bench, address, shutdown, serving }
     }
 

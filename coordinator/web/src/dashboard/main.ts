@@ -10,6 +10,7 @@ import { Announcer, Notice } from '../ui/announcer.ts';
 import { byId, installSkipLink, setText } from '../ui/dom.ts';
 import { clockTime } from '../ui/format.ts';
 import { jobName } from '../ui/job-text.ts';
+import { LogIn } from '../ui/log-in.ts';
 import { JobList } from './job-list.ts';
 import { ThroughputView } from './throughput-view.ts';
 import { Totals, WorkerTable } from './workers.ts';
@@ -62,7 +63,7 @@ function tellFaults(answers: Answer<unknown>[]): void {
 }
 
 installSkipLink();
-byId('notices').append(notice.element, said.element);
+byId('notices').append(notice.element, new LogIn(() => poller.soon()).element, said.element);
 byId('totals').append(totals.element);
 byId('jobs').append(jobs.element);
 byId('workers').append(workers.element);

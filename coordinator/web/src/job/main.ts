@@ -13,6 +13,7 @@ import { Announcer, Notice } from '../ui/announcer.ts';
 import { byId, el, installSkipLink, setHidden, setText } from '../ui/dom.ts';
 import { inspectorPanel } from '../ui/inspector.ts';
 import { jobName, progressText, stateText } from '../ui/job-text.ts';
+import { LogIn } from '../ui/log-in.ts';
 import { PreviewPicture } from '../ui/preview-picture.ts';
 import type { ErrorDetail, KilnViewerElement } from '../viewer/api.ts';
 import { emptyText } from './emptiness.ts';
@@ -79,7 +80,7 @@ function instead(): PreviewPicture {
 }
 
 installSkipLink();
-byId('notices').append(notice.element, fault.element, said.element);
+byId('notices').append(notice.element, new LogIn(() => follower.refresh()).element, fault.element, said.element);
 byId('side').append(status.element);
 if (inspector) byId('side').append(inspector);
 byId('surfaces').append(surfaces.element);

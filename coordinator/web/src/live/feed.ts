@@ -22,8 +22,8 @@ const PAUSE_MS = 2_000;
 
 /** As whose scene the job's `scene.kiln` is worth having now: without exposure while it probes, with it from the Bake phase on. */
 export function sceneWanted(job: JobRecord, have: Phase | null): Phase | null {
-  if (job.state !== 'baking' && job.state !== 'assembling') return null;
-  const want = job.state === 'baking' && job.phase !== 'bake' ? 'probe' : 'bake';
+  if (job.state !== 'baking' && job.state !== 'paused' && job.state !== 'assembling') return null;
+  const want = job.state !== 'assembling' && job.phase !== 'bake' ? 'probe' : 'bake';
   return want === have || have === 'bake' ? null : want;
 }
 

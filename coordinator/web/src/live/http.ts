@@ -11,12 +11,23 @@ const PATIENCE_MS = 10_000;
 /** What a proxy says while the coordinator behind it is away. */
 const AWAY = new Set([502, 503, 504]);
 
+/** Who wants to know that the service asks for an access token, or does not any more. */
+let access: (locked: boolean) => void = () => {};
+
+/** Tells `listener` at every question whether the service asks for a token before it answers. */
+export function watchAccess(listener: (locked: boolean) => void): void {
+  access = listener;
+}
+
 /** An address of the service: relative to the document's base, so that the pages work under any path. */
 export const serviceUrl = (path: string): string => new URL(path, document.baseURI).href;
 
 /** Asks for JSON. */
-export function askJson<T>(path: string): Promise<Answer<T>> {
-  return ask(path, { signal: AbortSignal.timeout(PATIENCE_MS) }, (response) => response.json() as Promise<T>);
+export async function askJson<T>(path: string): Promise<Answer<T>> {
+  const answer = await ask(path, { signal: AbortSignal.timeout(PATIENCE_MS) }, (response) => response.json() as Promise<T>);
+  if (answer.kind === 'refused' && answer.status === 401) access(true);
+  if (answer.kind === 'ok') access(false);
+  return answer;
 }
 
 /** Asks for bytes: scenes and segments, which may take long. */
@@ -27,6 +38,12 @@ export function askBytes(path: string, signal: AbortSignal): Promise<Answer<Arra
 /** Asks for something to be done. */
 export function send(method: 'POST' | 'DELETE', path: string): Promise<Answer<null>> {
   return ask(path, { method, signal: AbortSignal.timeout(PATIENCE_MS) }, () => Promise.resolve(null));
+}
+
+/** Sends JSON, and reads the JSON of the answer. */
+export function sendJson<T>(method: 'POST', path: string, body: unknown): Promise<Answer<T>> {
+  const init = { method, body: JSON.stringify(body), headers: { 'content-type': 'application/json' }, signal: AbortSignal.timeout(PATIENCE_MS) };
+  return ask(path, init, (response) => response.json() as Promise<T>);
 }
 
 async function ask<T>(path: string, init: RequestInit, read: (response: Response) => Promise<T>): Promise<Answer<T>> {

@@ -45,6 +45,7 @@ function jobMessage(job: JobRecord): Message | null {
     case 'queued':
     case 'preparing':
     case 'baking':
+    case 'paused':
     case 'assembling':
       return job.waiting ? status(`Waiting: ${job.waiting}`) : null;
     case 'done':

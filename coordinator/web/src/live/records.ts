@@ -6,11 +6,11 @@
 
 import type { TileRun } from './runs.ts';
 
-export type JobState = 'queued' | 'preparing' | 'baking' | 'assembling' | 'done' | 'failed' | 'cancelled';
+export type JobState = 'queued' | 'preparing' | 'baking' | 'paused' | 'assembling' | 'done' | 'failed' | 'cancelled';
 export type Phase = 'probe' | 'bake';
 
 /** All states, in the order of a job's life. */
-export const JOB_STATES: readonly JobState[] = ['queued', 'preparing', 'baking', 'assembling', 'done', 'failed', 'cancelled'];
+export const JOB_STATES: readonly JobState[] = ['queued', 'preparing', 'baking', 'paused', 'assembling', 'done', 'failed', 'cancelled'];
 
 export interface Problem {
   message: string;

@@ -35,6 +35,15 @@ test('replayed history never carries a job backward', () => {
   expect(apply(old, event(3, 'assembling')).job?.state).toBe('assembling');
 });
 
+test('a job is paused and goes on where it was', () => {
+  const event = (seq: number, state: JobRecord['state']): Input => {
+    return { kind: 'event', event: { seq, at_ms: 0, event: 'state', state, phase: 'bake' } as JobEvent };
+  };
+  const paused = after(record(), event(1, 'paused'));
+  expect(paused.job?.state).toBe('paused');
+  expect(apply(paused, event(2, 'baking')).job?.state).toBe('baking');
+});
+
 test('an id that never was is told from a job that was deleted', () => {
   expect(after({ kind: 'not-found' }).gone).toBe('unknown');
   expect(after(record(), { kind: 'not-found' }).gone).toBe('deleted');

@@ -71,7 +71,7 @@ function applyEvent(state: FollowState, event: JobEvent): FollowState {
     const baked = event.phase === 'bake' ? union(state.baked, event.runs) : state.baked;
     return { ...next, baked, job: state.job && withTiles(state.job, event.phase, event.tiles_done, event.tiles) };
   }
-  if (event.event === 'state' && state.job && rank(event.state, event.phase) > rank(state.job.state, state.job.phase)) {
+  if (event.event === 'state' && state.job && follows(event, state.job)) {
     return { ...next, job: { ...state.job, state: event.state, phase: event.phase } };
   }
   return next;
@@ -83,10 +83,17 @@ function withTiles(job: JobRecord, phase: Phase, tilesDone: number, tiles: numbe
   return { ...job, progress: { ...job.progress, tiles, tiles_done: tilesDone } };
 }
 
+/** Whether an event tells something newer than the record: further along its life, or paused and resumed at the same place. */
+function follows(event: { state: JobState; phase: Phase | null }, job: JobRecord): boolean {
+  const [then, now] = [rank(job.state, job.phase), rank(event.state, event.phase)];
+  return now > then || (now === then && now < 4 && event.state !== job.state);
+}
+
 /** How far along its life a job is. */
 function rank(state: JobState, phase: Phase | null): number {
   if (isFinal(state)) return 5;
-  return { queued: 0, preparing: 1, baking: phase === 'bake' ? 3 : 2, assembling: 4 }[state as 'queued' | 'preparing' | 'baking' | 'assembling'];
+  const baking = phase === 'bake' ? 3 : 2;
+  return { queued: 0, preparing: 1, baking, paused: baking, assembling: 4 }[state as 'queued' | 'preparing' | 'baking' | 'paused' | 'assembling'];
 }
 
 /** Done tiles of the Bake phase, for a job whose events may not have been read: a finished one has them all. */
