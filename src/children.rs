@@ -4,7 +4,12 @@
 //! left behind. The alternative, a parent-death signal, exists on Linux alone and fires when the *thread* that forked ends.
 
 use crate::error::CommandError;
-use std::{process::Stdio, time::Duration};
+use kiln_proto::secret::Secret;
+use std::{
+    path::{Path, PathBuf},
+    process::Stdio,
+    time::Duration,
+};
 use tokio::{
     process::{Child, Command},
     task::JoinSet,
@@ -16,6 +21,15 @@ const RESTART_AFTER: Duration = Duration::from_secs(1);
 /// How long a worker may take to drain before it is killed.
 const DRAIN: Duration = Duration::from_secs(27);
 
+/// How every worker is started.
+#[derive(Debug, Clone)]
+struct Order {
+    url: String,
+    token: Secret,
+    threads: u32,
+    spool: PathBuf,
+}
+
 /// Worker processes under supervision.
 pub struct Children {
     supervisors: JoinSet<()>,
@@ -23,13 +37,16 @@ pub struct Children {
 }
 
 impl Children {
-    /// Starts `count` workers for the coordinator at `url`, each with `threads` threads (0: all cores).
-    pub fn start(url: &str, count: u32, threads: u32) -> Result<Self, CommandError> {
+    /// Starts `count` workers for the coordinator at `url`, each with `threads` threads (0: all cores). What they have finished and not
+    /// delivered lies in `spool`, where the workers of a coordinator that was killed leave it to those of the next. `token` reaches them
+    /// through their environment: command lines are visible to everyone on the machine.
+    pub fn start(url: &str, token: &Secret, count: u32, threads: u32, spool: &Path) -> Result<Self, CommandError> {
+        let order = Order { url: url.to_owned(), token: token.clone(), threads, spool: spool.to_owned() };
         let stop = CancellationToken::new();
         let mut supervisors = JoinSet::new();
         for _ in 0..count {
-            let first = spawn(url, threads)?;
-            supervisors.spawn(supervise(first, url.to_owned(), threads, stop.clone()));
+            let first = spawn(&order)?;
+            supervisors.spawn(supervise(first, order.clone(), stop.clone()));
         }
         Ok(Self { supervisors, stop })
     }
@@ -41,16 +58,18 @@ impl Children {
     }
 }
 
-fn spawn(url: &str, threads: u32) -> Result<Child, CommandError> {
+fn spawn(order: &Order) -> Result<Child, CommandError> {
     let program = std::env::current_exe().map_err(|e| CommandError::from_error("cannot find this program to start workers", &e))?;
     let mut command = Command::new(program);
-    command.args(["work", "--join", url, "--until-stdin-closes", "--threads", &threads.to_string()]);
+    command.args(["work", "--join", &order.url, "--until-stdin-closes", "--threads", &order.threads.to_string()]);
+    command.arg("--spool").arg(&order.spool);
+    command.env("KILN_TOKEN", order.token.expose()).env_remove("KILN_CA");
     // A process group of its own: Ctrl-C reaches the parent, and the parent drains its workers.
     command.stdin(Stdio::piped()).stdout(Stdio::null()).kill_on_drop(true).process_group(0);
     command.spawn().map_err(|e| CommandError::from_error("cannot start a worker", &e))
 }
 
-async fn supervise(mut child: Child, url: String, threads: u32, stop: CancellationToken) {
+async fn supervise(mut child: Child, order: Order, stop: CancellationToken) {
     loop {
         // `wait` closes an input that the child still owns, which would tell the worker to leave.
         let input = child.stdin.take();
@@ -70,7 +89,7 @@ async fn supervise(mut child: Child, url: String, threads: u32, stop: Cancellati
                 () = tokio::time::sleep(RESTART_AFTER) => {}
                 () = stop.cancelled() => return,
             }
-            match spawn(&url, threads) {
+            match spawn(&order) {
                 Ok(next) => {
                     child = next;
                     break;

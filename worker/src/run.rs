@@ -1,43 +1,48 @@
-//! The worker's life: say hello, lease, bake, stream, repeat; drain when told to stop.
+//! The worker's life: say hello, lease, bake, hand in, repeat; drain when told to stop.
 //!
-//! Light is computed on a pool of its own, tile after tile, all threads on one tile: the newest finished tile streams while the next is
+//! Light is computed on a pool of its own, tile after tile, all threads on one tile: the newest finished tile travels while the next is
 //! being traced, and memory stays at a few tiles whatever the thread count. The alternative, a tile per thread, needs memory in proportion
 //! to cores and finishes nothing for the first seconds of a lease.
+//!
+//! Delivery is a life of its own ([`courier`](crate::client::courier)): a coordinator that is away stops neither the tracing of what is
+//! leased nor, once it is back, anything from arriving.
 
+mod attempt;
 mod bake;
 mod cache;
+mod leave;
+mod pack;
+mod thread;
 mod usage;
 
 use crate::{
     client::{
+        address::{AddressError, farm_key},
+        courier::Courier,
+        ledger::Ledger,
         session::{CallError, Session},
-        stream::Chunk,
+        spool::{Spool, SpoolError, Spooled},
     },
     config::WorkerConfig,
 };
-use bake::{Baked, Lease};
+use attempt::Bench;
 use cache::Cache;
-use kiln_proto::{
-    BAKE_VERSION,
-    ids::Token,
-    wire::message::{Finish, Heartbeat, HeartbeatReply, Hello, LeaseGrant, Refusal},
-};
-use std::{
-    sync::{
-        Arc,
-        atomic::{AtomicBool, AtomicU64, Ordering},
-    },
-    time::{Duration, Instant},
-};
-use tokio::sync::mpsc;
+use kiln_proto::{BAKE_VERSION, wire::message::Hello};
+use leave::Leave;
+use std::{sync::Arc, time::SystemTime};
 use tokio_util::sync::CancellationToken;
-
-/// Finished segments that may wait for the upload before tracing pauses.
-const SEGMENTS_IN_FLIGHT: usize = 8;
 
 /// Why a worker ended.
 #[derive(Debug, thiserror::Error)]
 pub enum RunError {
+    /// There can be no coordinator there.
+    #[error(transparent)]
+    Address(#[from] AddressError),
+    /// Finished work has no place to wait in.
+    #[error(
+        "finished work has no place to wait for the coordinator in; name another folder with --spool, or do without by --spool-bytes 0"
+    )]
+    Spool(#[from] SpoolError),
     /// The conversation failed for good.
     #[error("the worker cannot work for {server}")]
     Call {
@@ -56,196 +61,105 @@ pub enum RunError {
         #[source]
         source: rayon::ThreadPoolBuildError,
     },
+    /// A fault of this program.
+    #[error("the delivery of finished work broke off")]
+    Broken(#[from] tokio::task::JoinError),
 }
 
-/// What an attempt has done so far; shared between the threads that trace, the heartbeat and the final report.
-#[derive(Debug, Default)]
-struct Tally {
-    texels: AtomicU64,
-    rays: AtomicU64,
-    /// Set when the attempt should not go on: drain, cancel, or a failure.
-    stop: AtomicBool,
+impl RunError {
+    /// What a person can do about it, as a clause; empty where the error says all there is.
+    #[must_use]
+    pub fn advice(&self) -> String {
+        match self {
+            RunError::Call { source, .. } => source.advice(),
+            _ => String::new(),
+        }
+    }
 }
 
-/// Works until `stop`, then drains.
+/// Works until `stop`, then drains: the tile in hand is finished and delivered, the rest goes back, all within the drain timeout. What
+/// cannot be delivered by then stays in the spool for the next worker.
 ///
 /// # Errors
-/// A coordinator that refuses this worker for good, or a machine without threads.
+/// A coordinator that refuses this worker for good, a spool that cannot be used, or a machine without threads.
 pub async fn run(config: WorkerConfig, stop: CancellationToken) -> Result<(), RunError> {
-    let fail = |source| RunError::Call { server: config.server.clone(), source };
+    let farm = farm_key(&config.server)?;
     let pool = rayon::ThreadPoolBuilder::new().num_threads(config.threads).thread_name(|k| format!("trace-{k}")).build();
     let pool = Arc::new(pool.map_err(|source| RunError::Threads { threads: config.threads, source })?);
-    // The session outlives the order to stop by the drain timeout, so that the rest can be handed back.
-    let cut = CancellationToken::new();
+    let (spool, inherited) = open_spool(&config, &farm)?;
+    let fail = |source| RunError::Call { server: config.server.clone(), source };
+    let leave = Leave::new();
     let hello =
         Hello { bake_version: BAKE_VERSION, name: config.name.clone(), threads: config.threads as u32, features: config.simd.features() };
-    let opening = Session::open(&config.server, hello, cut.clone());
+    let opening = Session::open(&config.server, &config.access, hello, leave.cut.clone());
     let session = tokio::select! {
         session = opening => Arc::new(session.map_err(fail)?),
         () = stop.cancelled() => return Ok(()),
     };
     tracing::info!(server = config.server, worker = %session.welcome().worker, threads = config.threads, "connected");
-    let drained = cut_after_drain(stop.clone(), cut, config.drain_timeout);
-    let mut cache = Cache::new(config.simd);
-    let outcome = loop {
-        let grant = tokio::select! {
-            grant = session.lease() => grant,
-            () = stop.cancelled() => break Ok(()),
-        };
-        match grant {
-            Ok(Some(grant)) => attempt(&session, &mut cache, &pool, &config, grant, &stop).await,
-            Ok(None) => {}
-            Err(CallError::Stopped) => break Ok(()),
-            Err(error) => break Err(fail(error)),
-        }
-    };
-    drained.abort();
-    outcome
-}
-
-fn cut_after_drain(stop: CancellationToken, cut: CancellationToken, after: Duration) -> tokio::task::JoinHandle<()> {
-    tokio::spawn(async move {
-        stop.cancelled().await;
-        tokio::time::sleep(after).await;
-        cut.cancel();
-    })
-}
-
-/// One lease from grant to complete or release. Nothing that goes wrong with one attempt ends the worker.
-async fn attempt(
-    session: &Arc<Session>,
-    cache: &mut Cache,
-    pool: &Arc<rayon::ThreadPool>,
-    config: &WorkerConfig,
-    grant: LeaseGrant,
-    stop: &CancellationToken,
-) {
-    let started = usage::core_seconds();
-    let token = grant.token;
-    let tally = Arc::new(Tally::default());
-    let heart = tokio::spawn(beat(session.clone(), token, tally.clone(), Duration::from_millis(session.welcome().heartbeat_ms.max(10))));
-    let drain = tokio::spawn(stop_on(stop.clone(), tally.clone()));
-    let result = match cache.capture(session, &grant).await {
-        Ok(capture) => {
-            let lease = Lease { capture, grant, order: config.order };
-            bake_and_stream(session, pool.clone(), lease, tally.clone()).await
-        }
-        Err(error) => Err(Failure::Own(chain(&error))),
-    };
-    heart.abort();
-    drain.abort();
-    let finish = Finish {
-        core_seconds: usage::core_seconds() - started,
-        rays: tally.rays.load(Ordering::Relaxed),
-        peak_rss_bytes: usage::peak_rss_bytes(),
-        failure: None,
-    };
-    let told = match result {
-        Ok(()) if tally.stop.load(Ordering::Relaxed) => session.release(token, finish).await,
-        Ok(()) => session.complete(token, finish).await,
-        Err(Failure::Gone(state)) => {
-            tracing::info!(%token, state, "the attempt is not ours any more");
-            return;
-        }
-        Err(Failure::Own(reason)) => {
-            tracing::error!(%token, reason, "the attempt failed");
-            session.release(token, Finish { failure: Some(reason), ..finish }).await
-        }
-    };
-    if let Err(error) = told {
-        tracing::info!(%token, reason = chain(&error), "the end of the attempt was not taken");
+    let _timetable = leave.follow(stop, config.drain_timeout);
+    let (courier, outbox, ledger) = Courier::new(session.clone(), spool, inherited);
+    let ended = leave.cut.clone().drop_guard();
+    let courier = tokio::spawn(async move {
+        // However it ends: without it nothing that is baked would ever arrive.
+        let _ended = ended;
+        courier.run().await
+    });
+    let bench = Bench { session, pool, outbox, ledger, leave, order: config.order };
+    let worked = work(&bench, Cache::new(config.simd)).await;
+    if worked.is_err() {
+        bench.leave.cut.cancel();
+    }
+    // The courier ends when its outbox is gone and everything in it is told, or when the time to leave has come.
+    drop(bench);
+    let ends = [worked.err(), courier.await?.err()];
+    match ends.into_iter().flatten().find(|error| !matches!(error, CallError::Stopped)) {
+        Some(error) => Err(fail(error)),
+        None => Ok(()),
     }
 }
 
-/// Why an attempt ended early.
-enum Failure {
-    /// The coordinator gave it up; there is nobody to tell.
-    Gone(String),
-    /// It failed here.
-    Own(String),
-}
-
-impl From<CallError> for Failure {
-    fn from(error: CallError) -> Self {
-        match error {
-            CallError::Refused(Refusal::Gone { state }) => Failure::Gone(state),
-            CallError::Stopped => Failure::Gone("abandoned: draining took too long".into()),
-            other => Failure::Own(chain(&other)),
-        }
+fn open_spool(config: &WorkerConfig, farm: &str) -> Result<(Option<Spool>, Vec<Spooled>), SpoolError> {
+    let Some(place) = config.spool.as_ref().filter(|place| place.bytes > 0) else { return Ok((None, vec![])) };
+    let (spool, inherited) = Spool::open(&place.folder, farm, place.bytes, SystemTime::now())?;
+    tracing::debug!(folder = %spool.folder().display(), limit = place.bytes, "spooling");
+    if !inherited.is_empty() {
+        tracing::info!(chunks = inherited.len(), bytes = spool.used(), "an earlier worker left finished chunks; they are delivered first");
     }
+    Ok((Some(spool), inherited))
 }
 
-async fn bake_and_stream(session: &Session, pool: Arc<rayon::ThreadPool>, lease: Lease, tally: Arc<Tally>) -> Result<(), Failure> {
-    let (ready, mut segments) = mpsc::channel(SEGMENTS_IN_FLIGHT);
-    let token = lease.grant.token;
-    let tracing_stop = tally.clone();
-    let tracer = tokio::task::spawn_blocking(move || pool.install(|| bake::bake(&lease, &tally, &ready)));
-    let streamed = stream(session, token, &mut segments).await;
-    if streamed.is_err() {
-        tracing_stop.stop.store(true, Ordering::Relaxed);
-    }
-    // Unblocks a tracer that waits for room.
-    drop(segments);
-    let traced = match tracer.await {
-        Ok(outcome) => outcome.map_err(Failure::Own),
-        Err(panic) => Err(Failure::Own(format!("tracing stopped: {panic}"))),
-    };
-    streamed.and(traced)
-}
-
-/// Uploads segments in chunks as they come, until the tracer is done.
-async fn stream(session: &Session, token: Token, segments: &mut mpsc::Receiver<Baked>) -> Result<(), Failure> {
-    let (limit, age) = (session.welcome().chunk_bytes, Duration::from_millis(session.welcome().chunk_ms));
-    let mut chunk = Chunk::default();
-    let mut number = 0;
+/// Leases and bakes until it is time to drain.
+async fn work(bench: &Bench, mut cache: Cache) -> Result<(), CallError> {
+    let (session, drain) = (&bench.session, &bench.leave.drain);
+    let mut retry = session.retry();
     loop {
-        let due = chunk.since().map(|since| tokio::time::Instant::from_std(since + age));
-        let next = tokio::select! {
-            next = segments.recv() => next,
-            () = async { tokio::time::sleep_until(due.unwrap_or_else(tokio::time::Instant::now)).await }, if due.is_some() => {
-                flush(session, token, &mut number, &mut chunk).await?;
+        let grant = tokio::select! {
+            grant = lease(session, &bench.ledger) => grant,
+            () = drain.cancelled() => return Ok(()),
+        };
+        let error = match grant {
+            Ok(grant) => {
+                retry.succeeded(session.server());
+                if let Some(grant) = grant {
+                    bench.attempt(&mut cache, grant).await;
+                }
                 continue;
             }
+            Err(error) if error.passes() => error,
+            Err(error) => return Err(error),
         };
-        match next {
-            Some(baked) => chunk.push(&baked, Instant::now()),
-            None => break,
-        }
-        if chunk.is_full(limit) {
-            flush(session, token, &mut number, &mut chunk).await?;
-        }
-    }
-    flush(session, token, &mut number, &mut chunk).await
-}
-
-async fn flush(session: &Session, token: Token, number: &mut u32, chunk: &mut Chunk) -> Result<(), Failure> {
-    if chunk.is_empty() {
-        return Ok(());
-    }
-    let (bytes, tiles) = chunk.close().map_err(|e| Failure::Own(chain(&e)))?;
-    let size = bytes.len();
-    session.chunk(token, *number, bytes).await?;
-    tracing::debug!(%token, number, tiles, size, "chunk taken");
-    *number += 1;
-    Ok(())
-}
-
-/// Heartbeats until aborted; raises `stop` when the coordinator says that the attempt is over.
-async fn beat(session: Arc<Session>, token: Token, tally: Arc<Tally>, every: Duration) {
-    loop {
-        tokio::time::sleep(every).await;
-        let beat = Heartbeat { texels_done: tally.texels.load(Ordering::Relaxed), rays: tally.rays.load(Ordering::Relaxed) };
-        match session.heartbeat(token, beat).await {
-            Ok(HeartbeatReply::Continue) => {}
-            Ok(HeartbeatReply::Cancel) | Err(CallError::Refused(Refusal::Gone { .. })) => tally.stop.store(true, Ordering::Relaxed),
-            Err(error) => tracing::debug!(%token, reason = chain(&error), "a heartbeat was lost"),
+        tokio::select! {
+            () = tokio::time::sleep(retry.after(session.server(), &error)) => {}
+            () = drain.cancelled() => return Ok(()),
         }
     }
 }
 
-async fn stop_on(stop: CancellationToken, tally: Arc<Tally>) {
-    stop.cancelled().await;
-    tally.stop.store(true, Ordering::Relaxed);
+/// One try, when what lies here finished allows it: see [`Ledger`].
+async fn lease(session: &Session, ledger: &Ledger) -> Result<Option<kiln_proto::wire::message::LeaseGrant>, CallError> {
+    ledger.may_lease().await;
+    session.lease().await
 }
 
 /// An error with its causes, in one line.

@@ -1,6 +1,11 @@
 //! A worker's conversation with its coordinator: hello, leases, blobs, and what concerns one attempt.
 
-use super::backoff::Backoff;
+use super::{
+    answer,
+    retry::Retry,
+    transport::{self, TransportError},
+};
+use crate::config::Access;
 use bytes::Bytes;
 use kiln_proto::{
     ids::{Digest, SceneHash, Token},
@@ -19,7 +24,6 @@ use tokio_util::sync::CancellationToken;
 
 /// Longer than the coordinator holds a long poll.
 const CALL_TIMEOUT: Duration = Duration::from_secs(60);
-const CONNECT_TIMEOUT: Duration = Duration::from_secs(10);
 /// The slowest link that is worth waiting for, bytes a second: a chunk may take as long as it takes there.
 const SLOWEST_LINK: u64 = 16 << 10;
 /// How long the worker asks to be held while there is no work.
@@ -46,13 +50,20 @@ pub enum CallError {
         /// The address called.
         url: String,
     },
+    /// What the user gave makes no client.
+    #[error("no connection can be made")]
+    Setup(#[from] TransportError),
     /// An answer without a refusal in it.
-    #[error("{url} answered {status}")]
+    #[error("{url} answered {status}{}{detail}", if detail.is_empty() { "" } else { ": " })]
     Status {
         /// The address called.
         url: String,
         /// The HTTP status.
         status: u16,
+        /// What the answer says about it; may be empty.
+        detail: String,
+        /// How long it asks to be left alone.
+        retry_after: Option<Duration>,
     },
     /// An answer that cannot be read.
     #[error("the coordinator's answer cannot be read")]
@@ -72,20 +83,6 @@ pub enum CallError {
     Stopped,
 }
 
-impl CallError {
-    /// Whether the same call may succeed later.
-    fn is_transient(&self) -> bool {
-        match self {
-            CallError::Transport { .. }
-            | CallError::Silent { .. }
-            | CallError::Damaged { .. }
-            | CallError::Refused(Refusal::Busy { .. }) => true,
-            CallError::Status { status, .. } => *status >= 500 || *status == 429,
-            CallError::Refused(_) | CallError::Frame(_) | CallError::Stopped => false,
-        }
-    }
-}
-
 /// A session: who the worker is, and where its coordinator lives.
 pub struct Session {
     http: reqwest::Client,
@@ -99,10 +96,11 @@ impl Session {
     /// Says hello, waiting for a coordinator that is not there yet. `stop` ends every wait of this session.
     ///
     /// # Errors
-    /// A coordinator of another version, or `stop`.
-    pub async fn open(base: &str, hello: Hello, stop: CancellationToken) -> Result<Self, CallError> {
+    /// A coordinator of another version or one that refuses the token, an address that cannot be called, or `stop`.
+    pub async fn open(base: &str, access: &Access, hello: Hello, stop: CancellationToken) -> Result<Self, CallError> {
         let base = base.trim_end_matches('/').to_owned();
-        let http = reqwest::Client::builder().connect_timeout(CONNECT_TIMEOUT).build();
+        // Redirections are told, not followed: most turn a POST into a GET on the way.
+        let http = transport::builder(&base, access)?.redirect(reqwest::redirect::Policy::none()).build();
         let http = http.map_err(|source| CallError::Transport { url: base.clone(), source })?;
         let nobody = Welcome { worker: kiln_proto::ids::WorkerId(Default::default()), heartbeat_ms: 0, chunk_bytes: 0, chunk_ms: 0 };
         let session = Self { http, base, hello, welcome: RwLock::new(nobody), stop };
@@ -118,10 +116,9 @@ impl Session {
     /// Asks for work once; `None` when there is none for now. Says hello again when the coordinator has forgotten this worker.
     ///
     /// # Errors
-    /// Refusals that no waiting will change, or `stop`.
+    /// Every [`CallError`]: whether to ask again after one depends on what happened meanwhile to the work in hand.
     pub async fn lease(&self) -> Result<Option<LeaseGrant>, CallError> {
-        let asked = self.retrying(|| self.call("POST", "/v1/worker/leases", self.lease_request())).await;
-        match asked {
+        match self.call("POST", "/v1/worker/leases", self.lease_request()).await {
             Err(CallError::Refused(Refusal::UnknownWorker)) => {
                 self.introduce().await?;
                 Ok(None)
@@ -133,7 +130,7 @@ impl Session {
     /// The canonical bytes of a scene.
     ///
     /// # Errors
-    /// See [`Session::lease`].
+    /// Refusals that no waiting will change, or `stop`.
     pub async fn scene(&self, hash: SceneHash) -> Result<Vec<u8>, CallError> {
         self.blob("the scene", &format!("/v1/worker/scenes/{hash}"), &hash.to_string()).await
     }
@@ -141,7 +138,7 @@ impl Session {
     /// The bytes of a plan.
     ///
     /// # Errors
-    /// See [`Session::lease`].
+    /// See [`Session::scene`].
     pub async fn plan(&self, digest: Digest) -> Result<Vec<u8>, CallError> {
         self.blob("the plan", &format!("/v1/worker/plans/{digest}"), &digest.to_string()).await
     }
@@ -154,7 +151,7 @@ impl Session {
         let path = format!("/v1/worker/attempts/{token}/chunks/{number}");
         self.retrying(|| async {
             let reply: Option<ChunkVerdict> = self.send("PUT", &path, body.clone()).await?;
-            reply.ok_or_else(|| CallError::Status { url: path.clone(), status: 204 })
+            reply.ok_or_else(|| nothing(&path))
         })
         .await
     }
@@ -172,7 +169,7 @@ impl Session {
     /// Ends an attempt: everything done.
     ///
     /// # Errors
-    /// See [`Session::lease`].
+    /// See [`Session::scene`].
     pub async fn complete(&self, token: Token, finish: Finish) -> Result<(), CallError> {
         self.finish(format!("/v1/worker/attempts/{token}/complete"), finish).await
     }
@@ -180,7 +177,7 @@ impl Session {
     /// Ends an attempt: the rest goes back.
     ///
     /// # Errors
-    /// See [`Session::lease`].
+    /// See [`Session::scene`].
     pub async fn release(&self, token: Token, finish: Finish) -> Result<(), CallError> {
         self.finish(format!("/v1/worker/attempts/{token}/release"), finish).await
     }
@@ -201,7 +198,7 @@ impl Session {
         let welcome: Welcome = self
             .retrying(|| async {
                 let reply = self.call("POST", "/v1/worker/hello", self.hello.clone()).await?;
-                reply.ok_or_else(|| CallError::Status { url: self.base.clone(), status: 204 })
+                reply.ok_or_else(|| nothing(&self.base))
             })
             .await?;
         *self.welcome.write().unwrap_or_else(PoisonError::into_inner) = welcome;
@@ -214,14 +211,14 @@ impl Session {
             let transport = |source| CallError::Transport { url: url.clone(), source };
             let silent = |_| CallError::Silent { url: url.clone() };
             let mut response = timeout(CALL_TIMEOUT, self.http.get(&url).send()).await.map_err(silent)?.map_err(transport)?;
-            let status = response.status();
+            let (status, headers) = (response.status(), response.headers().clone());
             // However large a scene is, it may come as slowly as it likes as long as it comes.
             let mut body = Vec::new();
             while let Some(piece) = timeout(CALL_TIMEOUT, response.chunk()).await.map_err(silent)?.map_err(transport)? {
                 body.extend_from_slice(&piece);
             }
             if !status.is_success() {
-                return Err(refusal(&url, status.as_u16(), &body));
+                return Err(answer::failure(&url, status.as_u16(), &headers, &body));
             }
             let plain = unpack(&body).map_err(FrameError::Decompress)?;
             let found = Digest::of(&plain).to_string();
@@ -240,33 +237,41 @@ impl Session {
         let request = if method == "PUT" { self.http.put(&url) } else { self.http.post(&url) };
         let request = request.timeout(CALL_TIMEOUT + Duration::from_secs(body.len() as u64 / SLOWEST_LINK));
         let response = request.header("content-type", "application/octet-stream").body(body).send().await.map_err(transport)?;
-        let status = response.status().as_u16();
+        let (status, headers) = (response.status().as_u16(), response.headers().clone());
         let body = response.bytes().await.map_err(transport)?;
         match status {
             204 => Ok(None),
             200..=299 if body.is_empty() => Ok(None),
             200..=299 => Ok(Some(frame::from_frame(&body)?)),
-            _ => Err(refusal(&url, status, &body)),
+            _ => Err(answer::failure(&url, status, &headers, &body)),
         }
     }
 
+    /// The waits and words of a series of tries.
+    pub(crate) fn retry(&self) -> Retry {
+        Retry::new(self.hello.name.bytes().fold(0x9e37_79b9, |h, b| (h ^ u64::from(b)).wrapping_mul(0x100_0000_01b3)))
+    }
+
+    /// The coordinator's address.
+    pub(crate) fn server(&self) -> &str {
+        &self.base
+    }
+
     /// Repeats a call while it fails for reasons that pass.
-    async fn retrying<T, F: AsyncFn() -> Result<T, CallError>>(&self, call: F) -> Result<T, CallError> {
-        let mut backoff = Backoff::new(self.hello.name.bytes().fold(0x9e37_79b9, |h, b| (h ^ u64::from(b)).wrapping_mul(0x100_0000_01b3)));
+    async fn retrying<T, F: Future<Output = Result<T, CallError>>>(&self, call: impl Fn() -> F) -> Result<T, CallError> {
+        let mut retry = self.retry();
         loop {
             let outcome = tokio::select! {
                 outcome = call() => outcome,
                 () = self.stop.cancelled() => return Err(CallError::Stopped),
             };
-            let error = match outcome {
-                Err(error) if error.is_transient() => error,
-                other => return other,
+            let wait = match outcome {
+                Err(error) if error.passes() => retry.after(&self.base, &error),
+                other => {
+                    retry.succeeded(&self.base);
+                    return other;
+                }
             };
-            let wait = match &error {
-                CallError::Refused(Refusal::Busy { retry_after_ms }) => Duration::from_millis(*retry_after_ms),
-                _ => backoff.wait(),
-            };
-            tracing::debug!(error = &error as &dyn std::error::Error, ?wait, "trying again");
             tokio::select! {
                 () = tokio::time::sleep(wait) => {}
                 () = self.stop.cancelled() => return Err(CallError::Stopped),
@@ -275,11 +280,9 @@ impl Session {
     }
 }
 
-fn refusal(url: &str, status: u16, body: &[u8]) -> CallError {
-    match frame::from_frame::<Refusal>(body) {
-        Ok(refusal) => CallError::Refused(refusal),
-        Err(_) => CallError::Status { url: url.to_owned(), status },
-    }
+/// Success without the answer that belongs to it.
+fn nothing(url: &str) -> CallError {
+    CallError::Status { url: url.to_owned(), status: 204, detail: String::new(), retry_after: None }
 }
 
 fn unpack(packed: &[u8]) -> std::io::Result<Vec<u8>> {

@@ -1,6 +1,7 @@
 //! Scenes and plans that the worker holds: one of each, the ones in use. A farm bakes one job after another, and the next lease nearly
 //! always names the same scene; a larger cache would hold memory that tracing needs.
 
+use super::thread;
 use crate::{
     capture::Capture,
     client::session::{CallError, Session},
@@ -30,7 +31,7 @@ pub(super) enum CacheError {
     #[error("the plan belongs to scene {scene} and bake version {bake_version}, not to this lease")]
     Foreign { scene: SceneHash, bake_version: u32 },
     #[error("preparing the scene was interrupted")]
-    Interrupted(#[from] tokio::task::JoinError),
+    Interrupted(#[from] thread::Lost),
 }
 
 /// The scene and the plan in use.
@@ -55,7 +56,7 @@ impl Cache {
         let scene = self.scene(session, grant.scene).await?;
         let plan = session.plan(grant.plan).await?;
         let hash = grant.scene;
-        let capture = tokio::task::spawn_blocking(move || -> Result<_, CacheError> {
+        let capture = thread::off("scene", move || -> Result<_, CacheError> {
             let plan = Arc::new(Plan::from_bytes(&plan)?);
             if plan.scene != hash || plan.bake_version != BAKE_VERSION {
                 return Err(CacheError::Foreign { scene: plan.scene, bake_version: plan.bake_version });
@@ -77,7 +78,7 @@ impl Cache {
         (self.scene, self.capture) = (None, None);
         let bytes = session.scene(hash).await?;
         let simd = self.simd;
-        let scene = tokio::task::spawn_blocking(move || -> Result<_, CacheError> {
+        let scene = thread::off("scene", move || -> Result<_, CacheError> {
             let scene = Scene::from_bytes(&bytes)?;
             Ok(Arc::new(BakeScene::new(scene, simd).map_err(|e| CacheError::Prepare(Box::new(e)))?))
         })
