@@ -22,11 +22,13 @@ tools:
 	@[ -n "$${KILN_WEB_DIST:-}" ] || { node -e 'const [a, b] = process.versions.node.split(".").map(Number); process.exit(a > 20 || (a === 20 && b >= 19) ? 0 : 1)' 2>/dev/null && command -v npm >/dev/null; } \
 	  || { echo "Kiln's page is built with Node.js 20.19 or newer and npm: install them from https://nodejs.org, then run this again, or set KILN_WEB_DIST to the folder of a page that was built elsewhere." >&2; exit 1; }
 
-# What only the tests need: a browser, a software GPU beside the browser's own, and the reference compiler of shaders.
+# What only the tests need: a browser, a software GPU beside the browser's own, the reference compiler of shaders, and Python for servers.
 test-tools: tools
 	@if ! { [ -n "$${CHROMIUM:-}" ] || command -v chromium >/dev/null || command -v google-chrome >/dev/null; } || ! command -v glslangValidator >/dev/null \
 	  || ! PATH=$$PATH:/sbin:/usr/sbin ldconfig -p | grep -q libEGL.so.1 || ! ls /usr/lib/*/dri/swrast_dri.so >/dev/null 2>&1; then $(APT) chromium glslang-tools libgl1-mesa-dri libegl1; \
 	  else echo "Kiln's browser tests need Chromium, glslangValidator and Mesa's software GPU: on Debian, 'sudo apt-get install chromium glslang-tools libgl1-mesa-dri libegl1', then run this again." >&2; exit 1; fi; fi
+	@if ! ls /usr/lib/postgresql/*/bin/initdb >/dev/null 2>&1 || ! command -v systemd-analyze >/dev/null || ! python3 -c 'import venv, ensurepip' 2>/dev/null; then $(APT) postgresql systemd python3-venv; \
+	  else echo "Kiln's tests of the farm need PostgreSQL, systemd-analyze and Python 3.10 or newer with venv (for S3's stand-in and the checks of deploy/): on Debian, 'sudo apt-get install postgresql systemd python3-venv', then run this again." >&2; exit 1; fi; fi
 
 # npm writes this file last: it is newer than the lock file when the packages are those of the lock file.
 NPM := npm ci --no-audit --no-fund --ignore-scripts --loglevel=error

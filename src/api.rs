@@ -1,12 +1,16 @@
 //! The client side of the HTTP API, for the commands that talk to a coordinator.
 
-use crate::error::{CommandError, chain};
+use crate::{
+    access_args::{self, AccessArgs},
+    error::{CommandError, chain},
+};
 use futures_util::StreamExt;
 use kiln_coordinator::engine::JobPage;
 use kiln_coordinator::import::bundle::{Bundle, Content};
-use kiln_coordinator::records::{JobRecord, NewJob, Problem, SceneRecord, SceneState, WorkerRecord};
+use kiln_coordinator::records::{JobChange, JobRecord, NewJob, Problem, SceneRecord, SceneState, WorkerRecord};
 use kiln_proto::{ids::JobId, options::ImportOptions};
-use reqwest::{RequestBuilder, Response, multipart};
+use kiln_worker::client::transport;
+use reqwest::{RequestBuilder, Response, StatusCode, multipart};
 use serde::{Deserialize, de::DeserializeOwned};
 use std::{path::Path, time::Duration};
 use tokio::io::AsyncWriteExt;
@@ -40,16 +44,12 @@ struct WorkerList {
 
 impl Api {
     /// A client of the coordinator at `server`.
-    pub fn new(server: &str) -> Result<Self, CommandError> {
-        let base = if server.contains("://") { server.to_owned() } else { format!("http://{server}") };
-        if !base.starts_with("http://") {
-            return Err(CommandError::usage(format!(
-                "server `{server}`: expected an address such as http://127.0.0.1:8080 (this version speaks http)"
-            )));
-        }
-        let http = reqwest::Client::builder().connect_timeout(Duration::from_secs(10)).read_timeout(Duration::from_secs(90)).build();
+    pub fn new(server: &str, access: &AccessArgs) -> Result<Self, CommandError> {
+        let base = access_args::address(server);
+        let http = transport::builder(&base, &access.to(&base)).map_err(|e| CommandError::usage(chain(&e)))?;
+        let http = http.read_timeout(Duration::from_secs(90)).build();
         let http = http.map_err(|e| CommandError::from_error("cannot start an HTTP client", &e))?;
-        Ok(Self { http, base: base.trim_end_matches('/').to_owned() })
+        Ok(Self { http, base })
     }
 
     /// Its address.
@@ -129,6 +129,16 @@ impl Api {
         self.json(self.http.post(self.url(&format!("/v1/jobs/{id}/cancel")))).await
     }
 
+    /// Pauses or resumes a job.
+    pub async fn change(&self, id: JobId, change: &JobChange) -> Result<JobRecord, CommandError> {
+        self.json(self.http.patch(self.url(&format!("/v1/jobs/{id}"))).json(change)).await
+    }
+
+    /// Tries the tiles of a failed job again that were given up.
+    pub async fn retry(&self, id: JobId) -> Result<JobRecord, CommandError> {
+        self.json(self.http.post(self.url(&format!("/v1/jobs/{id}/retry")))).await
+    }
+
     /// Workers that are connected.
     pub async fn workers(&self) -> Result<Vec<WorkerRecord>, CommandError> {
         Ok(self.json::<WorkerList>(self.http.get(self.url("/v1/workers"))).await?.workers)
@@ -194,7 +204,10 @@ impl Api {
         if !problem.problems.is_empty() {
             return Err(rejected(&problem.problems));
         }
-        let said = problem.detail.or(problem.title).unwrap_or_else(|| status.to_string());
+        let mut said = problem.detail.or(problem.title).unwrap_or_else(|| status.to_string());
+        if status == StatusCode::UNAUTHORIZED {
+            said += "; give one that is good with --token or KILN_TOKEN";
+        }
         Err(if status.is_server_error() { CommandError::away(said) } else { CommandError::work(said) })
     }
 

@@ -1,6 +1,7 @@
 //! `kiln bake`: the whole farm in one process tree. The same coordinator, worker and protocol as `serve`, over loopback, for one job.
 
 use crate::{
+    access_args::AccessArgs,
     api::Api,
     bake_settings::SettingsArgs,
     error::CommandError,
@@ -55,8 +56,8 @@ pub async fn run(args: &BakeArgs, json: bool) -> Result<(), CommandError> {
     }
     let output = OutputFolder::create(&args.output)?;
     let data = output.scratch(".kiln-bake-")?;
-    let host = Host::start(config(args, data.path())).await?;
-    let api = Api::new(&host.url())?;
+    let host = Host::start(config(args, data.path()), false).await?;
+    let api = Api::new(&host.url(), &AccessArgs::default())?;
     let mut delivered = Vec::new();
     let work = async {
         for ((scene, target), bundle) in targets.iter().zip(bundles) {

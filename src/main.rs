@@ -3,6 +3,7 @@
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used))]
 #![allow(unreachable_pub)] // A binary has no public interface; `pub` here only joins the files of the command line.
 
+mod access_args;
 mod api;
 mod bake;
 mod bake_settings;
@@ -24,6 +25,7 @@ mod render;
 mod serve;
 mod submit;
 mod table;
+mod token;
 mod view;
 mod viewer;
 mod watch;
@@ -46,9 +48,9 @@ struct Cli {
     /// Print results as JSON
     #[arg(long, global = true)]
     json: bool,
-    /// What to log, in the syntax of `tracing` filters
-    #[arg(long, global = true, value_name = "FILTER", env = "KILN_LOG", default_value = "warn")]
-    log: String,
+    /// What to log, in the syntax of `tracing` filters [default: warn, and for `serve` kiln::audit=info too]
+    #[arg(long, global = true, value_name = "FILTER", env = "KILN_LOG")]
+    log: Option<String>,
 }
 
 #[derive(Debug, Subcommand)]
@@ -59,7 +61,14 @@ enum Command {
     Submit(submit::SubmitArgs),
     Watch(watch::WatchArgs),
     Fetch(fetch::FetchArgs),
-    Cancel(watch::CancelArgs),
+    /// Cancel a job
+    Cancel(watch::JobArgs),
+    /// Lease nothing more of a job until it is resumed; what is leased still counts
+    Pause(watch::JobArgs),
+    /// Let a paused job go on
+    Resume(watch::JobArgs),
+    /// Try the tiles of a failed job again that were given up
+    Retry(watch::JobArgs),
     Jobs(watch::JobsArgs),
     View(view::ViewArgs),
     Inspect(inspect::Args),
@@ -69,13 +78,19 @@ enum Command {
     Render(render::Args),
     Convert(convert::ConvertArgs),
     Config(config::ConfigArgs),
+    /// What a coordinator starts to import and lay out scenes
+    #[command(name = kiln_coordinator::sandbox::COMMAND, hide = true)]
+    Sandbox,
+    Token(token::TokenArgs),
 }
 
 fn main() -> ExitCode {
+    kiln_coordinator::crypto::choose();
     let cli = Cli::parse();
-    let filter = match EnvFilter::try_new(&cli.log) {
+    let log = cli.log.as_deref().unwrap_or(if matches!(cli.command, Command::Serve(_)) { "warn,kiln::audit=info" } else { "warn" });
+    let filter = match EnvFilter::try_new(log) {
         Ok(filter) => filter,
-        Err(e) => return fail(&CommandError::usage(format!("log filter `{}`: {e}", cli.log))),
+        Err(e) => return fail(&CommandError::usage(format!("log filter `{log}`: {e}"))),
     };
     tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).init();
     match run(&cli) {
@@ -99,6 +114,10 @@ fn run(cli: &Cli) -> Result<(), CommandError> {
         Command::Eval(args) => eval::run(args, json),
         Command::Convert(args) => convert::run(args, json),
         Command::Config(args) => config::run(args, json),
+        Command::Sandbox => {
+            let outcome = kiln_coordinator::sandbox::child::run(std::io::stdin().lock(), std::io::stdout().lock());
+            outcome.map_err(|e| CommandError::from_error("the sandbox", &e))
+        }
         networked => {
             let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build();
             let runtime = runtime.map_err(|e| CommandError::from_error("cannot start the runtime", &e))?;
@@ -121,13 +140,18 @@ async fn run_networked(command: &Command, json: bool) -> Result<(), CommandError
         Command::Fetch(args) => fetch::run(args, json).await,
         Command::View(args) => view::run(args, json).await,
         Command::Cancel(args) => watch::cancel(args, json).await,
+        Command::Pause(args) => watch::pause(args, true, json).await,
+        Command::Resume(args) => watch::pause(args, false, json).await,
+        Command::Retry(args) => watch::retry(args, json).await,
         Command::Jobs(args) => watch::jobs(args, json).await,
+        Command::Token(args) => token::run(args, json).await,
         Command::Inspect(_)
         | Command::Encode(_)
         | Command::Decode(_)
         | Command::Render(_)
         | Command::Eval(_)
         | Command::Convert(_)
-        | Command::Config(_) => Err(CommandError::usage("this command does not talk to a coordinator")),
+        | Command::Config(_)
+        | Command::Sandbox => Err(CommandError::usage("this command does not talk to a coordinator")),
     }
 }

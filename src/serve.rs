@@ -5,7 +5,7 @@ use crate::{
     host::{Host, asked_to_stop},
 };
 use clap::Args;
-use kiln_coordinator::config::Config;
+use kiln_coordinator::{blob::Location, config::Config};
 use std::{
     net::SocketAddr,
     path::{Path, PathBuf},
@@ -14,12 +14,19 @@ use std::{
 /// Run the coordinator, with workers of its own unless told otherwise
 #[derive(Debug, Args)]
 pub struct ServeArgs {
-    /// Address to listen on; only loopback addresses, until access tokens exist [default: 127.0.0.1:8080]
+    /// Address to listen on; one that other machines reach needs access tokens (`kiln token`) [default: 127.0.0.1:8080]
     #[arg(long, env = "KILN_LISTEN")]
     listen: Option<SocketAddr>,
     /// Folder for state, blobs and packages [default: kiln-data]
     #[arg(long, env = "KILN_DATA")]
     data: Option<PathBuf>,
+    /// Database of state: postgres://USER:PASSWORD@HOST/DATABASE, which several coordinators may share [default: SQLite in the data folder]
+    #[arg(long, value_name = "URL", env = "KILN_STORE", hide_env_values = true)]
+    store: Option<String>,
+    /// Where blobs live: s3://BUCKET/PREFIX, gs://BUCKET/PREFIX, az://CONTAINER/PREFIX or file:///FOLDER, with credentials and endpoint in
+    /// the environment [default: in the data folder]
+    #[arg(long, value_name = "URL", env = "KILN_BLOBS")]
+    blobs: Option<String>,
     /// Worker processes to start beside the coordinator; 0 leaves the work to `kiln work` [default: 1]
     #[arg(long, value_name = "N")]
     workers: Option<u32>,
@@ -29,6 +36,12 @@ pub struct ServeArgs {
     /// A configuration file; flags override it
     #[arg(long, value_name = "FILE.toml", env = "KILN_CONFIG")]
     config: Option<PathBuf>,
+    /// The service's certificate with its chain (PEM): it speaks TLS
+    #[arg(long, value_name = "FILE", env = "KILN_TLS_CERT", requires = "tls_key")]
+    tls_cert: Option<PathBuf>,
+    /// The key of the certificate (PEM)
+    #[arg(long, value_name = "FILE", env = "KILN_TLS_KEY", requires = "tls_cert")]
+    tls_key: Option<PathBuf>,
     /// Listen on an address that other machines reach although nothing checks who calls
     #[arg(long)]
     insecure_no_auth: bool,
@@ -46,12 +59,21 @@ impl ServeArgs {
         if let Some(data) = &self.data {
             config.data_dir.clone_from(data);
         }
-        if !config.listen.ip().is_loopback() && !self.insecure_no_auth {
-            return Err(CommandError::usage(format!(
-                "refusing to listen on {}: anyone who reaches it could use it; listen on 127.0.0.1, put a proxy that checks access in front, \
-                 or say --insecure-no-auth",
-                config.listen
-            )));
+        if self.store.is_some() {
+            config.store.clone_from(&self.store);
+        }
+        if let Some(blobs) = &self.blobs {
+            let place: Result<Location, _> = blobs.parse();
+            config.blobs = Some(place.map_err(|e| CommandError::usage(format!("--blobs: {e}")))?.to_string());
+        }
+        if self.tls_cert.is_some() {
+            config.access.tls_cert.clone_from(&self.tls_cert);
+            config.access.tls_key.clone_from(&self.tls_key);
+        }
+        let problems = config.check();
+        if !problems.is_empty() {
+            let list: Vec<String> = problems.iter().map(ToString::to_string).collect();
+            return Err(CommandError::usage(list.join("; ")));
         }
         Ok(config)
     }
@@ -73,7 +95,7 @@ pub fn read_config(path: &Path) -> Result<Config, CommandError> {
 pub async fn run(args: &ServeArgs, json: bool) -> Result<(), CommandError> {
     let config = args.config()?;
     let data = config.data_dir.clone();
-    let host = Host::start(config).await?;
+    let host = Host::start(config, args.insecure_no_auth).await?;
     if json {
         crate::output::json(&serde_json::json!({"url": host.url(), "port": host.address().port(), "data": data}))?;
     } else {

@@ -1,6 +1,8 @@
 //! `kiln submit`: send scenes with all that they refer to.
 
-use crate::{api::Api, bake, bake_settings::SettingsArgs, error::CommandError, import_args::ImportArgs, output, progress};
+use crate::{
+    api::Api, bake, bake_settings::SettingsArgs, error::CommandError, import_args::ImportArgs, output, progress, watch::ServerArgs,
+};
 use clap::Args;
 use kiln_coordinator::{
     import::bundle::{self, Bundle},
@@ -18,9 +20,8 @@ pub struct SubmitArgs {
     /// Scene files (.obj, .gltf, .glb, X3D or VRML97, or a .zip with one inside)
     #[arg(required = true)]
     scenes: Vec<PathBuf>,
-    /// The coordinator's address
-    #[arg(long, value_name = "URL", env = "KILN_SERVER", default_value = "http://127.0.0.1:8080")]
-    server: String,
+    #[command(flatten)]
+    server: ServerArgs,
     /// Wait until the jobs are done
     #[arg(long)]
     wait: bool,
@@ -44,7 +45,7 @@ fn label(text: &str) -> Result<(String, String), String> {
 /// Submits every scene.
 pub async fn run(args: &SubmitArgs, json: bool) -> Result<(), CommandError> {
     let settings = args.settings.patch()?;
-    let api = Api::new(&args.server)?;
+    let api = args.server.api()?;
     let scratch = scratch()?;
     let labels: BTreeMap<_, _> = args.label.iter().cloned().collect();
     for scene in &args.scenes {

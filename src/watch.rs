@@ -1,7 +1,8 @@
 //! `kiln watch`, `kiln cancel`, `kiln jobs`: what goes on at a coordinator.
 
-use crate::{api::Api, bake, error::CommandError, output, progress};
+use crate::{access_args::AccessArgs, api::Api, bake, error::CommandError, output, progress};
 use clap::Args;
+use kiln_coordinator::records::JobChange;
 use kiln_proto::ids::JobId;
 
 /// Where the coordinator is.
@@ -10,12 +11,14 @@ pub struct ServerArgs {
     /// The coordinator's address
     #[arg(long, value_name = "URL", env = "KILN_SERVER", default_value = "http://127.0.0.1:8080")]
     server: String,
+    #[command(flatten)]
+    access: AccessArgs,
 }
 
 impl ServerArgs {
     /// A client of it.
     pub fn api(&self) -> Result<Api, CommandError> {
-        Api::new(&self.server)
+        Api::new(&self.server, &self.access)
     }
 }
 
@@ -28,9 +31,9 @@ pub struct WatchArgs {
     server: ServerArgs,
 }
 
-/// Cancel a job
+/// One job
 #[derive(Debug, Args)]
-pub struct CancelArgs {
+pub struct JobArgs {
     /// The job
     id: JobId,
     #[command(flatten)]
@@ -40,7 +43,7 @@ pub struct CancelArgs {
 /// List jobs
 #[derive(Debug, Args)]
 pub struct JobsArgs {
-    /// Only jobs in this state: queued, preparing, baking, assembling, done, failed or cancelled
+    /// Only jobs in this state: queued, preparing, baking, paused, assembling, done, failed or cancelled
     #[arg(long)]
     state: Option<String>,
     /// Only jobs with this label
@@ -58,8 +61,20 @@ pub async fn watch(args: &WatchArgs, json: bool) -> Result<(), CommandError> {
 }
 
 /// Cancels a job.
-pub async fn cancel(args: &CancelArgs, json: bool) -> Result<(), CommandError> {
+pub async fn cancel(args: &JobArgs, json: bool) -> Result<(), CommandError> {
     let job = args.server.api()?.cancel(args.id).await?;
+    if json { output::json(&job) } else { output::line(&format!("{} {}", job.id, state(&job))) }
+}
+
+/// Pauses a job, or lets it go on.
+pub async fn pause(args: &JobArgs, paused: bool, json: bool) -> Result<(), CommandError> {
+    let job = args.server.api()?.change(args.id, &JobChange { paused: Some(paused), priority: None }).await?;
+    if json { output::json(&job) } else { output::line(&format!("{} {}", job.id, state(&job))) }
+}
+
+/// Tries the tiles of a failed job again that were given up.
+pub async fn retry(args: &JobArgs, json: bool) -> Result<(), CommandError> {
+    let job = args.server.api()?.retry(args.id).await?;
     if json { output::json(&job) } else { output::line(&format!("{} {}", job.id, state(&job))) }
 }
 

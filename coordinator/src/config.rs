@@ -2,7 +2,7 @@
 //!
 //! Unknown keys are refused by name. [`Config::check`] finds every problem at once, because a person who fixes a file wants the whole list.
 
-use crate::records::Problem;
+use crate::{blob::Location, records::Problem, sandbox::SandboxConfig};
 use serde::{Deserialize, Serialize};
 use std::{
     net::SocketAddr,
@@ -15,8 +15,13 @@ use std::{
 pub struct Config {
     /// Where the service listens.
     pub listen: SocketAddr,
-    /// Where state and blobs live. Created when missing.
+    /// Where state lives, and blobs unless `blobs` says otherwise. Created when missing.
     pub data_dir: PathBuf,
+    /// The database of state, as a `postgres://` URL; SQLite in the data folder where there is none.
+    pub store: Option<String>,
+    /// Where blobs live; in the data folder where nothing is said. Credentials and endpoints come from the environment.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub blobs: Option<String>,
     /// Worker processes that `kiln serve` starts beside itself.
     pub workers: u32,
     /// Threads of each of those workers; 0 for all cores.
@@ -27,6 +32,10 @@ pub struct Config {
     pub chunks: ChunkConfig,
     /// How long things are kept.
     pub keep: KeepConfig,
+    /// What a process that imports or lays out a scene may take.
+    pub sandbox: SandboxConfig,
+    /// Who may do what, and over what.
+    pub access: AccessConfig,
     /// Coordinator tasks (import, assembly) that run at the same time.
     pub tasks: u32,
     /// Bytes that must stay free on the data folder's disk beside what a job is estimated to need.
@@ -84,16 +93,40 @@ pub struct KeepConfig {
     pub unnamed_blobs_ms: u64,
 }
 
+/// Access to the service. Tokens themselves are made with `kiln token`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct AccessConfig {
+    /// Ask for a token also where none was ever made and the address is a loopback one.
+    pub require_tokens: bool,
+    /// Requests per second that one token may make for long; the worker protocol is not counted.
+    pub requests_per_s: u32,
+    /// Requests that one token may make at once.
+    pub burst: u32,
+    /// How long a browser's session lasts, seconds.
+    pub session_s: u64,
+    /// The server's certificate with its chain, PEM: the service speaks TLS. Needs `tls_key`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub tls_cert: Option<PathBuf>,
+    /// The key of `tls_cert`, PEM.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub tls_key: Option<PathBuf>,
+}
+
 impl Default for Config {
     fn default() -> Self {
         Self {
             listen: SocketAddr::from(([127, 0, 0, 1], 8080)),
             data_dir: PathBuf::from("kiln-data"),
+            store: None,
+            blobs: None,
             workers: 1,
             worker_threads: 0,
             lease: LeaseConfig::default(),
             chunks: ChunkConfig::default(),
             keep: KeepConfig::default(),
+            sandbox: SandboxConfig::default(),
+            access: AccessConfig::default(),
             tasks: 2,
             reserve_bytes: 256 << 20,
         }
@@ -116,6 +149,12 @@ impl Default for LeaseConfig {
 impl Default for ChunkConfig {
     fn default() -> Self {
         Self { bytes: 8 << 20, age_ms: 2_000, concurrent: 8 }
+    }
+}
+
+impl Default for AccessConfig {
+    fn default() -> Self {
+        Self { require_tokens: false, requests_per_s: 200, burst: 400, session_s: 12 * 3_600, tls_cert: None, tls_key: None }
     }
 }
 
@@ -167,8 +206,16 @@ impl Config {
                 problems.push(Problem { message, file: None, line: None });
             }
         };
-        let (lease, chunks) = (&self.lease, &self.chunks);
+        let (lease, chunks, access) = (&self.lease, &self.chunks, &self.access);
         require(!self.data_dir.as_os_str().is_empty(), "data_dir: must name a folder".into());
+        let is_postgres = |url: &String| url.starts_with("postgres://") || url.starts_with("postgresql://");
+        require(
+            self.store.as_ref().is_none_or(is_postgres),
+            "store: expected postgres://USER:PASSWORD@HOST/DATABASE; without it state is kept in SQLite in data_dir".into(),
+        );
+        if let Some(Err(bad)) = self.blobs.as_ref().map(|text| text.parse::<Location>()) {
+            require(false, format!("blobs: {bad}"));
+        }
         require(self.workers <= 256, format!("workers: {} processes; at most 256 are started beside the service", self.workers));
         require((1..=64).contains(&self.tasks), format!("tasks: {} is not between 1 and 64", self.tasks));
         require(lease.heartbeat_ms >= 10, format!("lease.heartbeat_ms: {} is below 10", lease.heartbeat_ms));
@@ -189,7 +236,23 @@ impl Config {
             (1..=kiln_proto::limits::CHUNK_BYTES).contains(&chunks.bytes),
             format!("chunks.bytes: {} is not between 1 and {}", chunks.bytes, kiln_proto::limits::CHUNK_BYTES),
         );
+        let sandbox = &self.sandbox;
+        require(
+            sandbox.memory_bytes >= 256 << 20,
+            format!("sandbox.memory_bytes: {} is below 268435456, which is what the program itself takes", sandbox.memory_bytes),
+        );
+        require(sandbox.cpu_seconds >= 1 && sandbox.seconds >= 1, "sandbox.cpu_seconds, sandbox.seconds: must be at least 1".into());
         require((1..=1_024).contains(&chunks.concurrent), format!("chunks.concurrent: {} is not between 1 and 1024", chunks.concurrent));
+        require(access.requests_per_s >= 1, "access.requests_per_s: must be at least 1".into());
+        require(access.burst >= 1, "access.burst: must be at least 1".into());
+        require(
+            (60..=30 * 86_400).contains(&access.session_s),
+            format!("access.session_s: {} is not between 60 and 2592000, thirty days", access.session_s),
+        );
+        require(
+            access.tls_cert.is_some() == access.tls_key.is_some(),
+            "access.tls_cert and access.tls_key: one is of no use without the other".into(),
+        );
         problems
     }
 }
@@ -214,12 +277,13 @@ mod tests {
 
     #[test]
     fn every_problem_is_reported_at_once() {
-        let mut config = Config { tasks: 0, ..Config::default() };
+        let mut config = Config { tasks: 0, blobs: Some("ftp://host".into()), ..Config::default() };
         config.lease.ttl_ms = 5_000;
         config.chunks.bytes = 0;
+        config.store = Some("mysql://x".into());
         let text: Vec<String> = config.check().iter().map(ToString::to_string).collect();
-        assert_eq!(text.len(), 3, "{text:?}");
-        for (problem, key) in text.iter().zip(["tasks", "lease.ttl_ms", "chunks.bytes"]) {
+        assert_eq!(text.len(), 5, "{text:?}");
+        for (problem, key) in text.iter().zip(["store", "blobs", "tasks", "lease.ttl_ms", "chunks.bytes"]) {
             assert!(problem.starts_with(key), "{problem}");
         }
     }

@@ -6,8 +6,10 @@
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used))]
 
 pub mod assemble;
+pub mod auth;
 pub mod blob;
 pub mod config;
+pub mod crypto;
 pub mod engine;
 pub mod export;
 #[doc(hidden)]
@@ -19,6 +21,7 @@ pub mod lease;
 pub mod page;
 pub mod preview;
 pub mod records;
+pub mod sandbox;
 pub mod split;
 pub mod store;
 pub mod unwrap;

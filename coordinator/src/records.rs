@@ -1,6 +1,7 @@
 //! What the coordinator knows of scenes, jobs, workers and packages: the shapes that the engine hands to HTTP, the event stream and the
 //! dashboard. They are serialised as they stand, so every name here is part of the API.
 
+use crate::auth::TokenId;
 use kiln_proto::{
     ids::{JobId, SceneHash, WorkerId},
     options::ImportOptions,
@@ -131,7 +132,7 @@ pub struct LightCounts {
     pub directional: u64,
 }
 
-/// `Queued -> Preparing -> Baking -> Assembling -> Done`, or `Failed`, `Cancelled`.
+/// `Queued -> Preparing -> Baking -> Assembling -> Done`, or `Failed`, `Cancelled`; `Paused` from `Baking` and back.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum JobState {
@@ -141,6 +142,8 @@ pub enum JobState {
     Preparing,
     /// Tiles are leased to workers.
     Baking,
+    /// Someone paused it while it was baking: nothing is leased until it is resumed.
+    Paused,
     /// Segments are being assembled into the package.
     Assembling,
     /// The package is published.
@@ -177,6 +180,18 @@ pub struct NewJob {
     pub labels: BTreeMap<String, String>,
 }
 
+/// What is to be changed of a job; what is not named stays.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct JobChange {
+    /// Whether nothing of it shall be leased for now.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub paused: Option<bool>,
+    /// Higher goes first.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub priority: Option<i32>,
+}
+
 /// A job as clients see it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct JobRecord {
@@ -198,6 +213,10 @@ pub struct JobRecord {
     pub priority: i32,
     /// The client's own.
     pub labels: BTreeMap<String, String>,
+    /// The id of the token that brought it; absent where it came while the service asked for none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(value_type = Option<String>)]
+    pub owner: Option<TokenId>,
     /// How far it is.
     pub progress: Progress,
     /// Why it failed.
@@ -291,6 +310,9 @@ pub struct WorkerRecord {
     pub features: Vec<String>,
     /// Its bake version.
     pub bake_version: u32,
+    /// Why it gets no more work, where it gets none.
+    #[serde(default)]
+    pub barred: Option<String>,
     /// When it said hello.
     pub since_ms: UnixMillis,
     /// When it was last heard.

@@ -3,7 +3,7 @@
 use serde_json::Value;
 use std::{
     collections::BTreeMap,
-    ffi::OsStr,
+    ffi::{OsStr, OsString},
     io::{BufRead, BufReader, Read},
     path::{Path, PathBuf},
     process::{Child, Command, Output, Stdio},
@@ -48,9 +48,16 @@ pub(crate) fn kiln<S: AsRef<OsStr>>(args: impl IntoIterator<Item = S>) -> Comman
 /// What the caller's environment says of Kiln is nothing to a test.
 fn forget_settings(command: &mut Command) {
     command.stdin(Stdio::null());
-    for name in ["KILN_SERVER", "KILN_CONFIG", "KILN_DATA", "KILN_LISTEN", "KILN_LOG", "KILN_SIMD"] {
+    let ours = ["KILN_SERVER", "KILN_CONFIG", "KILN_DATA", "KILN_STORE", "KILN_BLOBS", "KILN_LISTEN", "KILN_LOG", "KILN_SIMD"];
+    for name in ours.into_iter().chain(["KILN_TOKEN", "KILN_CA", "KILN_TLS_CERT", "KILN_TLS_KEY"]) {
         command.env_remove(name);
     }
+    let of_clouds = |name: &OsString| ["AWS_", "AZURE_", "GOOGLE_"].iter().any(|p| name.to_string_lossy().starts_with(p));
+    for (name, _) in std::env::vars_os().filter(|(name, _)| of_clouds(name)) {
+        command.env_remove(name);
+    }
+    // Workers that are killed leave their spool behind, but not in the home of whoever runs the tests.
+    command.env("KILN_SPOOL", Path::new(env!("CARGO_TARGET_TMPDIR")).join("spool"));
 }
 
 /// Runs a command to its end.
@@ -162,6 +169,13 @@ impl Server {
         Self::spawn(command)
     }
 
+    /// Starts `kiln serve` with more of an environment.
+    pub(crate) fn start_with(environment: &[(&str, String)], data: &Path, more: &[&str]) -> Self {
+        let mut command = kiln(["--json", "serve", "--listen", "127.0.0.1:0", "--workers", "0", "--data"]);
+        command.arg(data).args(more).envs(environment.iter().map(|(name, value)| (name, value)));
+        Self::spawn(command)
+    }
+
     /// Starts `kiln serve` through a `wrapper`, a command that limits what it runs in its place: the process stays the same.
     pub(crate) fn start_through(wrapper: &[&str], data: &Path, more: &[&str]) -> Self {
         let mut command = Command::new(wrapper[0]);
@@ -171,7 +185,7 @@ impl Server {
         Self::spawn(command)
     }
 
-    fn spawn(command: Command) -> Self {
+    pub(crate) fn spawn(command: Command) -> Self {
         let (process, said) = announced(command);
         let port = u16::try_from(said["port"].as_u64().unwrap()).unwrap();
         Self { process, url: said["url"].as_str().unwrap().to_owned(), port }
@@ -275,5 +289,6 @@ pub(crate) fn announced(mut command: Command) -> (Process, Value) {
 
 /// A runtime for one request.
 pub(crate) fn runtime() -> tokio::runtime::Runtime {
+    kiln_coordinator::crypto::choose();
     tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap()
 }

@@ -166,6 +166,12 @@ fn open(bytes: &[u8], plan: &Plan, tile: TileIndex) -> Result<Box<TileSegment>, 
     }
 }
 
+/// The planned tiles of a surface in the order in which [`assemble_surface`] asks for their segments.
+#[must_use]
+pub fn reading_order(layout: &SurfacePlan) -> Vec<usize> {
+    bands(layout).concat()
+}
+
 /// The planned tiles of each row of cells, from left to right; rows without tiles are there, too.
 fn bands(layout: &SurfacePlan) -> Vec<Vec<usize>> {
     let mut bands = vec![vec![]; layout.size.height.div_ceil(TILE_SIDE) as usize];

@@ -12,13 +12,14 @@ use super::{
     tasks::{failed, files_below, job, plan, scene_of, scratch},
 };
 use crate::{
+    assemble::reading_order,
     blob::{BlobError, BlobName},
     records::PackageFile,
     store::{StoredPackageFile, TaskResult},
 };
 use kiln_proto::{
     ids::{Digest, JobId},
-    tile::TileRun,
+    tile::TileIndex,
     wire::message::Phase,
 };
 use sha2::Digest as _;
@@ -40,8 +41,8 @@ pub(super) async fn assemble(core: &Arc<Core>, id: JobId, surface: u32) -> Resul
     let index = surface as usize;
     let layout = plan.surfaces.get(index).ok_or_else(|| EngineError::Broken(format!("the plan has no surface {surface}")))?;
     let start = plan.first_tile(index).0;
-    let run = TileRun { start, end: start + layout.tiles.len() as u64 };
-    let segments = match StoredSegments::open(core, id, Phase::Bake, run).await? {
+    let order = reading_order(layout).into_iter().map(|index| TileIndex(start + index as u64)).collect();
+    let segments = match StoredSegments::open(core, id, Phase::Bake, order).await? {
         Ok(segments) => segments,
         Err(gone) => return Ok(TaskResult::Lost(Phase::Bake, gone)),
     };

@@ -1,10 +1,11 @@
 //! What happens without being asked for: tasks, expiry, forgetting, collecting garbage.
 
-use super::{core::Core, runner};
+use super::{core::Core, dispatch, hints, roster, runner};
 use crate::records::UnixMillis;
+use futures_util::TryStreamExt;
 use std::{
     sync::{Arc, atomic::Ordering},
-    time::{Duration, UNIX_EPOCH},
+    time::{Duration, SystemTime, UNIX_EPOCH},
 };
 use tokio::task::JoinSet;
 
@@ -20,8 +21,14 @@ pub(super) fn start(core: &Arc<Core>, set: &mut JoinSet<()>) {
     for _ in 0..core.config.tasks {
         set.spawn(runner::run(Arc::clone(core)));
     }
+    set.spawn(dispatch::run(Arc::clone(core)));
     set.spawn(sweep(Arc::clone(core)));
     set.spawn(tidy(Arc::clone(core)));
+    if core.store.is_shared() {
+        set.spawn(dispatch::look_around(Arc::clone(core)));
+        set.spawn(hints::tell(Arc::clone(core)));
+        set.spawn(hints::hear(Arc::clone(core)));
+    }
 }
 
 async fn sweep(core: Arc<Core>) {
@@ -35,6 +42,7 @@ async fn sweep(core: Arc<Core>) {
 /// Lets everything expire whose time has come, and notes who is here.
 pub(super) async fn expire(core: &Core) {
     core.present_workers();
+    roster::write(core).await;
     match core.store.expire(core.now()).await {
         Ok(expiry) if expiry.attempts + expiry.tasks > 0 => {
             tracing::warn!(attempts = expiry.attempts, tasks = expiry.tasks, "expired; the work goes back");
@@ -65,16 +73,21 @@ async fn tidy(core: Arc<Core>) {
 
 /// Removes blobs that no row names and that were last written before a moment. How many.
 pub(super) async fn collect(core: &Core, before: UnixMillis) -> Result<u64, super::EngineError> {
-    let mut removed = 0;
-    for (name, written) in core.blobs.list().await? {
-        let written = written.duration_since(UNIX_EPOCH).map_or(0, |d| d.as_millis() as i64);
-        if written >= before {
+    let is_old = |written: SystemTime| written.duration_since(UNIX_EPOCH).map_or(0, |d| d.as_millis() as i64) < before;
+    let (mut removed, mut all) = (0, core.blobs.list());
+    while let Some((name, written)) = all.try_next().await? {
+        if !is_old(written) {
             continue;
         }
         // Alone: nobody is between writing this blob again and naming it. Never waited for, since a waiting writer would hold up every
         // chunk behind a long assembly; what is busy now is looked at again next time.
         let Ok(_alone) = core.gate.try_write() else { continue };
-        if !core.store.names(name).await? {
+        if core.store.names(name).await? {
+            continue;
+        }
+        // The list may be hours old, and another coordinator may have written the blob again since, to name it next. What remains is the
+        // moment between this look and the deletion; a chunk that is lost to it is baked again.
+        if core.blobs.written(name).await?.is_some_and(is_old) {
             core.blobs.delete(name).await?;
             removed += 1;
         }

@@ -118,7 +118,7 @@ async fn inspect(core: &Arc<Core>, attempt: &AttemptRow, body: TempPath) -> Resu
 async fn refuse(core: &Core, token: Token, attempt: &AttemptRow, reason: String) -> Refusal {
     core.counters.chunks_refused.fetch_add(1, Ordering::Relaxed);
     let text = format!("worker {} sent a chunk that was refused: {reason}", attempt.worker);
-    let fenced = core.store.finish_attempt(token, lease::Event::Fence, None, core.now()).await;
+    let fenced = core.store.finish_attempt(token, lease::Event::Refuse, None, core.now()).await;
     if let Err(error) = fenced {
         return busy(error);
     }

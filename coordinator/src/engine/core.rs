@@ -1,7 +1,8 @@
 //! What the engine's methods and its background work share.
 
-use super::{EngineError, meter::Meter, ports::Pipeline, signals::Signals};
+use super::{EngineError, dispatch::Dispatch, meter::Meter, ports::Pipeline, roster::Roster, signals::Signals};
 use crate::{
+    auth::Scope,
     blob::{BlobName, Blobs},
     config::Config,
     records::UnixMillis,
@@ -9,7 +10,7 @@ use crate::{
 };
 use bytes::Bytes;
 use kiln_proto::{
-    ids::{Digest, SceneHash},
+    ids::{Digest, SceneHash, WorkerId},
     limits,
     plan::Plan,
     scene::Scene,
@@ -57,9 +58,10 @@ pub(super) struct Core {
     pub(super) slots: Semaphore,
     /// Held shared from writing a blob until a row names it, and alone while an unnamed blob is deleted.
     pub(super) gate: RwLock<()>,
-    /// Peeking at work and claiming it is one step.
-    pub(super) leasing: tokio::sync::Mutex<()>,
+    /// Workers that wait for work.
+    pub(super) dispatch: Dispatch,
     meter: Mutex<Meter>,
+    roster: Mutex<Roster>,
     plans: Mutex<Vec<(Digest, Arc<Plan>)>>,
     scenes: Mutex<Vec<(SceneHash, Arc<Scene>)>>,
 }
@@ -83,7 +85,7 @@ impl Core {
         pipeline: Arc<dyn Pipeline>,
         clock: Clock,
     ) -> Self {
-        let slots = Semaphore::new(config.chunks.concurrent as usize);
+        let (slots, shared) = (Semaphore::new(config.chunks.concurrent as usize), store.is_shared());
         Self {
             config,
             store,
@@ -91,12 +93,13 @@ impl Core {
             pipeline,
             clock,
             spool,
-            signals: Signals::default(),
+            signals: Signals::new(shared),
             counters: Counters::default(),
             slots,
             gate: RwLock::default(),
-            leasing: tokio::sync::Mutex::default(),
+            dispatch: Dispatch::default(),
             meter: Mutex::default(),
+            roster: Mutex::default(),
             plans: Mutex::default(),
             scenes: Mutex::default(),
         }
@@ -108,6 +111,16 @@ impl Core {
 
     pub(super) fn meter(&self) -> MutexGuard<'_, Meter> {
         lock(&self.meter)
+    }
+
+    pub(super) fn roster(&self) -> MutexGuard<'_, Roster> {
+        lock(&self.roster)
+    }
+
+    /// A worker was heard.
+    pub(super) fn heard(&self, worker: WorkerId, now: UnixMillis) {
+        self.meter().heard(worker, now);
+        self.roster().heard(worker, now);
     }
 
     /// Workers that were heard lately; a waiting worker is silent for as long as it polls.
@@ -157,7 +170,7 @@ impl Core {
             return Ok(found);
         }
         let missing = || EngineError::NotFound { what: "scene", id: hash.to_string() };
-        let blob = self.store.scene_by_hash(hash).await?.and_then(|s| s.canonical).ok_or_else(missing)?;
+        let blob = self.store.scene_by_hash(hash, Scope::All).await?.and_then(|s| s.canonical).ok_or_else(missing)?;
         let bytes = self.load_compressed(blob).await?;
         let decoded = blocking(move || Scene::from_bytes(&bytes)).await?;
         let decoded = Arc::new(decoded.map_err(|e| EngineError::Broken(format!("scene {hash}: {e}")))?);

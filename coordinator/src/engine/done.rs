@@ -23,7 +23,7 @@ impl Engine {
             JobState::Queued | JobState::Preparing => return Ok((None, TileRuns::new())),
             // All of them; once the package stands, the chunks that could say so are gone.
             JobState::Assembling | JobState::Done => return Ok((Some(Phase::Bake), TileRuns::all(row.tiles.0))),
-            JobState::Baking | JobState::Failed | JobState::Cancelled => {}
+            JobState::Baking | JobState::Paused | JobState::Failed | JobState::Cancelled => {}
         }
         let phase = row.state.phase().unwrap_or(Phase::Bake);
         let chunks = self.core.store.chunks(job, phase, EVERY).await?;

@@ -1,6 +1,10 @@
 //! Why the engine could not do what it was asked. Each variant is one kind of answer; `http::problem` maps them to statuses.
 
-use crate::{blob::BlobError, records::Problem, store::StoreError};
+use crate::{
+    blob::{BlobError, SetupError},
+    records::Problem,
+    store::StoreError,
+};
 use std::path::PathBuf;
 
 /// Why the engine could not do what it was asked.
@@ -57,6 +61,9 @@ pub enum EngineError {
         #[source]
         source: std::io::Error,
     },
+    /// Start-up: the place for blobs cannot be used.
+    #[error(transparent)]
+    Blobs(Box<SetupError>),
     /// 500: the store failed.
     #[error("the store failed")]
     Store(#[from] StoreError),
@@ -68,14 +75,20 @@ pub enum EngineError {
     Broken(String),
 }
 
+impl From<SetupError> for EngineError {
+    fn from(error: SetupError) -> Self {
+        Self::Blobs(Box::new(error))
+    }
+}
+
 impl EngineError {
-    /// Whether storage failed and nothing is wrong with what was stored: room or a repaired disk makes the same work succeed.
+    /// Whether storage failed and nothing is wrong with what was stored: waiting, room or a repaired disk makes the same work succeed.
     #[must_use]
     pub fn is_storage(&self) -> bool {
         match self {
             Self::DataFolder { .. } => true,
             Self::Store(error) => error.is_full(),
-            Self::Blob(error) => matches!(error, BlobError::Full(_) | BlobError::Write { .. } | BlobError::Read { .. }),
+            Self::Blob(error) => error.is_storage(),
             _ => false,
         }
     }

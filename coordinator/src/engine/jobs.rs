@@ -2,8 +2,9 @@
 
 use super::{Engine, EngineError, Estimate, EventPage, JobFilter, JobPage, core::blocking, progress, space};
 use crate::{
-    job::Event,
-    records::{JobRecord, NewJob, Problem, SceneState},
+    auth::Principal,
+    job::{Event, OnPoison},
+    records::{JobChange, JobRecord, NewJob, Problem, SceneState},
     store::{JobSpec, SceneRow},
 };
 use kiln_proto::{BAKE_VERSION, ids::JobId, limits, plan::Plan, settings::BakeSettings, wire::message::Phase};
@@ -20,12 +21,12 @@ fn not_found(job: JobId) -> EngineError {
 const PAGE: u32 = 1_000;
 
 impl Engine {
-    /// Creates a job. Its scene may still be importing.
+    /// Creates a job for `by`, of a scene that `by` sees. The scene may still be importing.
     ///
     /// # Errors
     /// Settings out of range, an unknown or rejected scene, texture sizes for surfaces that a ready scene does not have.
-    pub async fn create_job(&self, new: NewJob) -> Result<JobRecord, EngineError> {
-        let (scene, settings) = self.validate(&new).await?;
+    pub async fn create_job(&self, new: NewJob, by: &Principal) -> Result<JobRecord, EngineError> {
+        let (scene, settings) = self.validate(&new, by).await?;
         let spec = JobSpec {
             id: JobId::random(),
             scene: scene.record.id,
@@ -33,19 +34,21 @@ impl Engine {
             priority: new.priority,
             labels: new.labels,
             bake_version: BAKE_VERSION,
+            on_poison: OnPoison::Fail,
+            owner: by.owner(),
         };
         let row = self.core.store.add_job(&spec, self.now()).await?;
         self.core.signals.tasks.notify_waiters();
         Ok(progress::record(&self.core, row))
     }
 
-    async fn validate(&self, new: &NewJob) -> Result<(SceneRow, BakeSettings), EngineError> {
+    async fn validate(&self, new: &NewJob, by: &Principal) -> Result<(SceneRow, BakeSettings), EngineError> {
         let settings = new.settings.resolve().map_err(|e| EngineError::invalid(e.to_string()))?;
         let long = |text: &String| text.len() > limits::NAME_BYTES;
         if new.labels.len() > LABELS || new.labels.iter().any(|(k, v)| long(k) || long(v)) {
             return Err(EngineError::invalid(format!("labels: at most {LABELS}, each name and value up to {} bytes", limits::NAME_BYTES)));
         }
-        let scene = self.find_scene(&new.scene).await?;
+        let scene = self.find_scene(&new.scene, by.sees()).await?;
         if scene.record.state == SceneState::Rejected {
             let rejected = Problem { message: format!("the scene {} was rejected", new.scene), file: None, line: None };
             return Err(EngineError::Invalid([vec![rejected], scene.record.problems].concat()));
@@ -70,8 +73,8 @@ impl Engine {
     ///
     /// # Errors
     /// As [`Engine::create_job`], and a scene that is still importing.
-    pub async fn estimate(&self, new: &NewJob) -> Result<Estimate, EngineError> {
-        let (row, settings) = self.validate(new).await?;
+    pub async fn estimate(&self, new: &NewJob, by: &Principal) -> Result<Estimate, EngineError> {
+        let (row, settings) = self.validate(new, by).await?;
         let hash = row.record.scene.ok_or_else(|| EngineError::Conflict {
             what: format!("the scene {}", row.record.id),
             state: "still being imported".into(),
@@ -139,6 +142,45 @@ impl Engine {
         self.core.meter().forget(job);
         self.core.signals.job_changed(job);
         self.job(job).await
+    }
+
+    /// Pauses or resumes a job, or gives it another priority.
+    ///
+    /// # Errors
+    /// [`EngineError::NotFound`]; [`EngineError::Conflict`] where a job that does not bake is to be paused.
+    pub async fn change_job(&self, job: JobId, change: &JobChange) -> Result<JobRecord, EngineError> {
+        if let Some(paused) = change.paused {
+            let (event, needed) =
+                if paused { (Event::Pause, "only a job that bakes can be paused") } else { (Event::Resume, "only a paused job can go on") };
+            self.happen(job, &event, needed).await?;
+        }
+        if let Some(priority) = change.priority {
+            if !self.core.store.set_priority(job, priority).await? {
+                return Err(not_found(job));
+            }
+            self.core.signals.job_changed(job);
+        }
+        self.job(job).await
+    }
+
+    /// Tries the tiles of a failed job again that were given up.
+    ///
+    /// # Errors
+    /// [`EngineError::NotFound`]; [`EngineError::Conflict`] where the job did not fail for such tiles.
+    pub async fn retry_job(&self, job: JobId) -> Result<JobRecord, EngineError> {
+        self.happen(job, &Event::Retry, "only a job that failed because tiles were given up can be tried again; submit it anew").await?;
+        self.job(job).await
+    }
+
+    async fn happen(&self, job: JobId, event: &Event, needed: &str) -> Result<(), EngineError> {
+        let happened = self.core.store.job_event(job, event, self.now()).await?.ok_or_else(|| not_found(job))?;
+        happened.map_err(|illegal| EngineError::Conflict {
+            what: "this job".into(),
+            state: illegal.state.to_owned(),
+            needed: needed.to_owned(),
+        })?;
+        self.core.signals.job_changed(job);
+        Ok(())
     }
 
     /// Cancels a job and removes every trace of it, its package included. Blobs follow when they are collected.

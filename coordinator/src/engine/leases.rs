@@ -2,13 +2,12 @@
 //!
 //! A failing store or a full disk is told to a worker as busy: it keeps its work and comes back.
 
-use super::{Engine, EngineError, core::Core, ports::problem};
+use super::{Engine, EngineError, core::Core, ports::problem, roster};
 use crate::{
     config::LeaseOrder,
-    job,
     lease::{self, Attempt, Sizing, run_length},
     records::{Problem, WorkerRecord},
-    store::{Candidate, FinishOutcome, Grant},
+    store::{Candidate, FinishOutcome},
 };
 use kiln_proto::{
     BAKE_VERSION,
@@ -20,7 +19,7 @@ use kiln_proto::{
         message::{Finish, Heartbeat, HeartbeatReply, Hello, LeaseGrant, LeaseRequest, Refusal, Welcome},
     },
 };
-use std::{sync::atomic::Ordering, time::Duration};
+use std::time::Duration;
 
 /// When a worker should come back after the coordinator failed, milliseconds.
 const RETRY: u64 = 1_000;
@@ -50,6 +49,7 @@ impl Engine {
             threads: hello.threads.clamp(1, 4_096),
             features: hello.features.clone(),
             bake_version: hello.bake_version,
+            barred: None,
             since_ms: now,
             seen_ms: now,
             job: None,
@@ -73,23 +73,20 @@ impl Engine {
     /// [`Refusal::UnknownWorker`].
     pub async fn lease(&self, request: &LeaseRequest) -> Result<Option<LeaseGrant>, Refusal> {
         let core = &*self.core;
-        let worker = core.store.hear_worker(request.worker, self.now()).await.map_err(busy)?.ok_or(Refusal::UnknownWorker)?;
-        core.meter().heard(worker.id, self.now());
-        let wait = Duration::from_millis(request.wait_ms.min(core.config.lease.poll_ms));
-        let until = tokio::time::Instant::now() + wait;
-        loop {
-            let woken = core.signals.work.notified();
-            tokio::pin!(woken);
-            woken.as_mut().enable();
-            if core.signals.is_stopping() {
-                return Ok(None);
-            }
-            if let Some(grant) = try_grant(core, &worker).await.map_err(busy)? {
-                return Ok(Some(grant));
-            }
-            if tokio::time::timeout_at(until, woken).await.is_err() {
-                return Ok(None);
-            }
+        let stop = core.signals.stop.notified();
+        tokio::pin!(stop);
+        stop.as_mut().enable();
+        if core.signals.is_stopping() {
+            return Ok(None);
+        }
+        let worker = roster::caller(core, request.worker).await.map_err(busy)?.ok_or(Refusal::UnknownWorker)?;
+        if let Some(reason) = &worker.barred {
+            return Err(Refusal::Invalid { reason: format!("this worker is barred: {reason}") });
+        }
+        let until = tokio::time::Instant::now() + Duration::from_millis(request.wait_ms.min(core.config.lease.poll_ms));
+        tokio::select! {
+            answer = core.dispatch.queue_up(worker).wait(until) => answer.transpose(),
+            () = stop => Ok(None),
         }
     }
 
@@ -105,8 +102,8 @@ impl Engine {
             core.signals.work.notify_waiters();
             return Ok(HeartbeatReply::Cancel);
         };
+        core.heard(row.worker, now);
         let mut meter = core.meter();
-        meter.heard(row.worker, now);
         meter.rays(token, row.worker, row.job, heartbeat.rays, now);
         meter.measured(row.worker, row.job, row.phase, heartbeat.texels_done, now - row.granted_ms);
         Ok(HeartbeatReply::Continue)
@@ -128,7 +125,8 @@ impl Engine {
     /// # Errors
     /// [`Refusal::Gone`].
     pub async fn release(&self, token: Token, finish: &Finish) -> Result<(), Refusal> {
-        self.finish(token, lease::Event::Release, finish).await.map(drop)
+        let event = if finish.failure.is_some() { lease::Event::Fail } else { lease::Event::Release };
+        self.finish(token, event, finish).await.map(drop)
     }
 
     async fn finish(&self, token: Token, event: lease::Event, finish: &Finish) -> Result<Attempt, Refusal> {
@@ -137,9 +135,9 @@ impl Engine {
             FinishOutcome::Finished(row) => row,
             FinishOutcome::Gone(state) => return Err(Refusal::Gone { state }),
         };
+        core.heard(row.worker, now);
         {
             let mut meter = core.meter();
-            meter.heard(row.worker, now);
             meter.rays(token, row.worker, row.job, finish.rays, now);
             meter.measured(row.worker, row.job, row.phase, row.texels, now - row.granted_ms);
             meter.ended(token);
@@ -155,55 +153,16 @@ impl Engine {
     }
 }
 
-/// An attempt of a job failed. A job whose attempts keep failing while no tile is accepted fails with the last reason.
+/// An attempt of a job failed: its followers are told. What becomes of its tiles is decided where the attempt ends.
 pub(super) async fn note_failure(core: &Core, job: JobId, message: String) -> Result<(), EngineError> {
     tracing::warn!(%job, message, "an attempt failed");
-    let hopeless = core.meter().failed(job);
-    let problem = Problem { message, file: None, line: None };
-    if hopeless {
-        // It may have ended meanwhile; then there is nothing left to fail.
-        let _ = core.store.job_event(job, &job::Event::Fail(problem), core.now()).await?;
-        core.meter().forget(job);
-    } else {
-        core.store.add_problem(job, &problem, core.now()).await?;
-    }
+    core.store.add_problem(job, &Problem { message, file: None, line: None }, core.now()).await?;
     core.signals.job_changed(job);
     Ok(())
 }
 
-async fn try_grant(core: &Core, worker: &WorkerRecord) -> Result<Option<LeaseGrant>, EngineError> {
-    let _one = core.leasing.lock().await;
-    // Another coordinator on the same store may be quicker; what it left is looked at again.
-    while let Some(candidate) = core.store.next_work(worker.bake_version).await? {
-        let now = core.now();
-        let lease = &core.config.lease;
-        let grant = Grant {
-            token: Token::random(),
-            worker: worker.id,
-            job: candidate.job,
-            phase: candidate.phase,
-            run: size(core, worker, &candidate).await?,
-            deadline: now + lease.ttl_ms as i64,
-            cap: now + lease.hard_cap_ms as i64,
-        };
-        if core.store.grant(&grant, now).await? {
-            core.counters.leases_granted.fetch_add(1, Ordering::Relaxed);
-            return Ok(Some(LeaseGrant {
-                token: grant.token,
-                job: grant.job,
-                phase: grant.phase,
-                tiles: grant.run,
-                scene: candidate.scene,
-                plan: candidate.plan.digest,
-                ttl_ms: lease.ttl_ms,
-            }));
-        }
-    }
-    Ok(None)
-}
-
 /// How much of the candidate this worker gets.
-async fn size(core: &Core, worker: &WorkerRecord, candidate: &Candidate) -> Result<TileRun, EngineError> {
+pub(super) async fn size(core: &Core, worker: &WorkerRecord, candidate: &Candidate) -> Result<TileRun, EngineError> {
     let plan = core.plan(&candidate.plan).await?;
     let speed = core.meter().speeds.of(worker.id, candidate.job, candidate.phase);
     let sizing = Sizing {

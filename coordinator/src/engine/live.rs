@@ -12,6 +12,7 @@ use super::{
     segments,
 };
 use crate::{
+    auth::Scope,
     blob::{BlobError, BlobName},
     lease::SHARD_TILES,
     records::JobState,
@@ -68,7 +69,7 @@ impl Engine {
     pub async fn live_scene_bytes(&self, live: &LiveScene) -> Result<Vec<u8>, EngineError> {
         let core = &self.core;
         let missing = || EngineError::NotFound { what: "scene", id: live.scene.to_string() };
-        let blob = core.store.scene_by_hash(live.scene).await?.and_then(|row| row.canonical).ok_or_else(missing)?;
+        let blob = core.store.scene_by_hash(live.scene, Scope::All).await?.and_then(|row| row.canonical).ok_or_else(missing)?;
         let (scene, plan) = (core.load_compressed(blob).await?, core.load_compressed(live.plan.blob).await?);
         blocking(move || [&container::header(&scene, &plan), &*scene, &*plan].concat()).await
     }

@@ -1,5 +1,5 @@
-//! How fast things go right now: rays and texels of each job and each worker over the last half minute, who was heard lately, how often
-//! attempts fail; and what was done over the last hour.
+//! How fast things go right now: rays and texels of each job and each worker over the last half minute, who was heard lately;
+//! and what was done over the last hour.
 //!
 //! What workers report is taken as it comes: sums saturate, so that no report, however wrong, stops the service.
 //!
@@ -18,8 +18,6 @@ use std::collections::{HashMap, VecDeque};
 
 /// The window over which rates are taken, milliseconds.
 const WINDOW: i64 = 30_000;
-/// Attempts of a job that may fail in a row without a tile accepted between them, before the job is given up.
-const FAILURES: u32 = 10;
 
 /// What was done over the last half minute.
 #[derive(Default)]
@@ -50,16 +48,10 @@ impl Window {
     }
 }
 
-#[derive(Default)]
-struct JobMeter {
-    window: Window,
-    failures: u32,
-}
-
 /// All meters.
 #[derive(Default)]
 pub(super) struct Meter {
-    jobs: HashMap<JobId, JobMeter>,
+    jobs: HashMap<JobId, Window>,
     workers: HashMap<WorkerId, Window>,
     rays: HashMap<Token, (JobId, u64)>,
     heard: HashMap<WorkerId, UnixMillis>,
@@ -76,7 +68,7 @@ pub(super) struct Rates {
 
 impl Meter {
     fn add(&mut self, worker: WorkerId, job: JobId, rays: u64, cost: u64, now: UnixMillis) {
-        self.jobs.entry(job).or_default().window.add(rays, cost, now);
+        self.jobs.entry(job).or_default().add(rays, cost, now);
         self.workers.entry(worker).or_default().add(rays, cost, now);
     }
 
@@ -95,16 +87,6 @@ impl Meter {
         let point = self.history.at(now);
         point.tiles = point.tiles.saturating_add(tiles);
         point.texels = point.texels.saturating_add(cost);
-        if let Some(meter) = self.jobs.get_mut(&job) {
-            meter.failures = 0;
-        }
-    }
-
-    /// An attempt failed. Whether that is once too often.
-    pub(super) fn failed(&mut self, job: JobId) -> bool {
-        let meter = self.jobs.entry(job).or_default();
-        meter.failures += 1;
-        meter.failures >= FAILURES
     }
 
     /// An attempt is over.
@@ -119,7 +101,7 @@ impl Meter {
 
     /// The rates of a job.
     pub(super) fn rates(&self, job: JobId, now: UnixMillis) -> Rates {
-        self.jobs.get(&job).map(|meter| meter.window.rates(now)).unwrap_or_default()
+        self.jobs.get(&job).map(|window| window.rates(now)).unwrap_or_default()
     }
 
     /// The rates of a worker.
@@ -209,15 +191,6 @@ mod tests {
         let point = ThroughputPoint { at_ms: 10_000, rays: u64::MAX, texels: u64::MAX, tiles: u64::MAX, workers: 0 };
         assert_eq!(meter.throughput(10_000), [point]);
         assert_eq!(meter.rates(job, 10_000), Rates { rays: u64::MAX as f64, cost: u64::MAX as f64 });
-    }
-
-    #[test]
-    fn failures_count_only_while_nothing_is_accepted() {
-        let (mut meter, job) = (Meter::default(), JobId::random());
-        assert!((1..FAILURES).all(|_| !meter.failed(job)));
-        meter.accepted(WorkerId::random(), job, 1, 1, 0);
-        assert!((1..FAILURES).all(|_| !meter.failed(job)));
-        assert!(meter.failed(job));
     }
 
     #[test]

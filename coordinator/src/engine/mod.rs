@@ -7,9 +7,12 @@
 mod assembly;
 mod background;
 mod chunks;
+mod clock;
 mod core;
+mod dispatch;
 mod done;
 mod error;
+mod hints;
 mod history;
 mod inspect;
 mod jobs;
@@ -22,6 +25,7 @@ pub mod ports;
 mod preview;
 mod progress;
 mod report;
+mod roster;
 mod runner;
 mod scenes;
 mod segments;
@@ -40,6 +44,7 @@ pub use crate::{
 pub use error::EngineError;
 pub use live::LiveScene;
 pub use open::Parts;
+pub(crate) use open::private_folder;
 pub use preview::{PictureError, StoredPackage};
 pub use types::{Download, Estimate, JobPage, Statistics, UploadedFile};
 
@@ -47,6 +52,7 @@ use self::core::Core;
 use crate::{
     config::Config,
     records::{Throughput, UnixMillis, WorkerRecord},
+    store::TokenStore,
 };
 use std::{
     fs::File,
@@ -84,6 +90,18 @@ impl Engine {
         self.core.now()
     }
 
+    /// Where tokens and owners are kept.
+    #[must_use]
+    pub fn tokens(&self) -> Arc<dyn TokenStore> {
+        Arc::clone(&self.core.store) as Arc<dyn TokenStore>
+    }
+
+    /// This engine's clock.
+    #[must_use]
+    pub fn clock(&self) -> Clock {
+        Arc::clone(&self.core.clock)
+    }
+
     /// Whether the store answers and the disk has room: `/readyz`.
     ///
     /// # Errors
@@ -118,7 +136,9 @@ impl Engine {
         let since = self.now() - self.core.config.keep.dead_workers_ms as i64;
         let mut workers = self.core.store.workers(since).await?;
         let meter = self.core.meter();
+        let roster = self.core.roster();
         for worker in &mut workers {
+            worker.seen_ms = roster.last_heard(worker.id).map_or(worker.seen_ms, |heard| heard.max(worker.seen_ms));
             let rates = meter.rates_of(worker.id, self.now());
             (worker.rays_per_second, worker.texels_per_second) = (rates.rays, rates.cost);
         }
@@ -139,7 +159,7 @@ impl Engine {
         let figures = self.core.store.figures().await?;
         let counters = &self.core.counters;
         let count = |counter: &std::sync::atomic::AtomicU64| counter.load(Ordering::Relaxed);
-        let states = ["queued", "preparing", "baking", "assembling", "done", "failed", "cancelled"];
+        let states = ["queued", "preparing", "baking", "paused", "assembling", "done", "failed", "cancelled"];
         let jobs = states.iter().map(|s| ((*s).to_owned(), figures.jobs.get(*s).copied().unwrap_or(0))).collect();
         Ok(Statistics {
             jobs,

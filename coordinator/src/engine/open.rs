@@ -3,26 +3,26 @@
 //! ```text
 //! DATA/lock       held by the coordinator that owns the folder
 //! DATA/kiln.db    the store
-//! DATA/blobs/     blobs
+//! DATA/blobs/     blobs, unless the configuration keeps them elsewhere
 //! DATA/spool/     bodies and scratch on their way; emptied at start
 //! ```
 
 use super::{
-    Clock, Engine, EngineError, background,
+    Clock, Engine, EngineError, background, clock,
     core::Core,
     ports::{Kiln, Pipeline},
 };
 use crate::{
-    blob::{Blobs, LocalBlobs},
+    blob::{self, Blobs, LocalBlobs, Location, SetupError},
     config::Config,
-    store::{SqliteStore, Store},
+    store::{SqlStore, Store},
 };
 use std::{
-    fs::{File, OpenOptions, TryLockError},
+    fs::{DirBuilder, File, OpenOptions, TryLockError},
     io,
+    os::unix::fs::DirBuilderExt,
     path::Path,
     sync::Arc,
-    time::{SystemTime, UNIX_EPOCH},
 };
 use tokio::{sync::Mutex, task::JoinSet};
 
@@ -39,24 +39,25 @@ pub struct Parts {
 }
 
 impl Parts {
-    /// SQLite and files in the data folder, which exists.
+    /// What the configuration says: SQLite and files in the data folder, which exists, or what it names instead.
     ///
     /// # Errors
-    /// A folder that cannot be written, a database that cannot be used.
-    pub async fn local(data: &Path) -> Result<Self, EngineError> {
-        let blobs = LocalBlobs::open(&data.join("blobs"), &data.join("spool"));
-        let blobs = blobs.map_err(|source| unusable(&data.join("blobs"), "creating it", source))?;
-        Ok(Self {
-            store: Arc::new(SqliteStore::open(&data.join("kiln.db")).await?),
-            blobs: Arc::new(blobs),
-            pipeline: Arc::new(Kiln),
-            clock: Arc::new(system_clock),
-        })
+    /// A folder that cannot be written, a database that cannot be used or reached.
+    pub async fn of(config: &Config) -> Result<Self, EngineError> {
+        let data = &config.data_dir;
+        let store: Arc<dyn Store> = match &config.store {
+            Some(url) => Arc::new(SqlStore::postgres(url).await?),
+            None => Arc::new(SqlStore::sqlite(&data.join("kiln.db")).await?),
+        };
+        let blobs: Arc<dyn Blobs> = match &config.blobs {
+            Some(place) => blob::connect(&place.parse::<Location>().map_err(SetupError::from)?).await?,
+            None => {
+                let blobs = LocalBlobs::open(&data.join("blobs"), &data.join("spool"));
+                Arc::new(blobs.map_err(|source| unusable(&data.join("blobs"), "creating it", source))?)
+            }
+        };
+        Ok(Self { clock: clock::following(&store).await?, store, blobs, pipeline: Arc::new(Kiln) })
     }
-}
-
-fn system_clock() -> i64 {
-    SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |d| d.as_millis() as i64)
 }
 
 fn unusable(path: &Path, doing: &'static str, source: io::Error) -> EngineError {
@@ -68,10 +69,18 @@ impl Engine {
     ///
     /// # Errors
     /// A configuration with problems; a folder that cannot be created or written, is used by another coordinator, or holds a database that
-    /// is damaged or of a later version.
+    /// is damaged or of a later version; a place for blobs that cannot be used.
     pub async fn open(config: Config) -> Result<Arc<Engine>, EngineError> {
+        Self::open_through(config, Arc::new(Kiln)).await
+    }
+
+    /// As [`Engine::open`], with another pipeline: a [`Sandbox`](crate::sandbox::Sandbox) where strangers send scenes.
+    ///
+    /// # Errors
+    /// As [`Engine::open`].
+    pub async fn open_through(config: Config, pipeline: Arc<dyn Pipeline>) -> Result<Arc<Engine>, EngineError> {
         let lock = take_folder(&config)?;
-        let parts = Parts::local(&config.data_dir).await?;
+        let parts = Parts { pipeline, ..Parts::of(&config).await? };
         Self::start(config, parts, lock).await
     }
 
@@ -87,8 +96,9 @@ impl Engine {
     async fn start(config: Config, parts: Parts, lock: File) -> Result<Arc<Engine>, EngineError> {
         let spool = config.data_dir.join("spool");
         let core = Arc::new(Core::new(config, spool, parts.store, parts.blobs, parts.pipeline, parts.clock));
-        // The lock proves that whoever held these tasks is dead. Attempts stay: their workers may well be alive.
-        let resumed = core.store.take_over_tasks(core.now()).await?;
+        // The lock proves that whoever held these tasks is dead, where nobody else may use the store; otherwise they expire. Attempts stay: their
+        // workers may well be alive.
+        let resumed = if core.store.is_shared() { 0 } else { core.store.take_over_tasks(core.now()).await? };
         if resumed > 0 {
             tracing::info!(tasks = resumed, "continuing what an earlier coordinator began");
         }
@@ -98,6 +108,11 @@ impl Engine {
     }
 }
 
+/// Creates a folder that is for its owner alone: the store holds the secret that sessions and links are signed with.
+pub(crate) fn private_folder(path: &Path) -> io::Result<()> {
+    DirBuilder::new().recursive(true).mode(0o700).create(path)
+}
+
 /// Creates the folder, makes sure that nobody else uses it, and empties the spool.
 fn take_folder(config: &Config) -> Result<File, EngineError> {
     let problems = config.check();
@@ -105,7 +120,7 @@ fn take_folder(config: &Config) -> Result<File, EngineError> {
         return Err(EngineError::Invalid(problems));
     }
     let data = &config.data_dir;
-    std::fs::create_dir_all(data).map_err(|e| unusable(data, "creating it", e))?;
+    private_folder(data).map_err(|e| unusable(data, "creating it", e))?;
     let path = data.join("lock");
     let lock = OpenOptions::new().create(true).truncate(false).write(true).open(&path);
     let lock = lock.map_err(|e| unusable(data, "writing to it", e))?;

@@ -21,7 +21,7 @@ pub(super) fn record(core: &Core, row: JobRow) -> JobRecord {
     };
     let left = cost.saturating_sub(cost_done) as f64;
     let problem = match &row.state {
-        Job::Failed { problem } => Some(problem.clone()),
+        Job::Failed { problem, .. } => Some(problem.clone()),
         _ => None,
     };
     let entered = |wanted: JobState| row.marks.iter().find(|(state, ..)| *state == wanted).map(|(.., at)| *at);
@@ -48,6 +48,7 @@ pub(super) fn record(core: &Core, row: JobRow) -> JobRecord {
         finished_ms: row.marks.last().filter(|(state, ..)| state.is_final()).map(|(.., at)| *at),
         settings: row.spec.settings,
         labels: row.spec.labels,
+        owner: row.spec.owner,
     }
 }
 
@@ -57,6 +58,8 @@ fn waiting(core: &Core, row: &JobRow) -> Option<String> {
         // A task of it waits for storage: nothing else would help.
         _ if row.put_off.is_some() => row.put_off.clone(),
         Job::Queued => Some("its scene is being imported".into()),
+        Job::Paused { .. } => Some("it is paused; `kiln resume` lets it go on".into()),
+        Job::Failed { retry: Some(_), .. } => Some("tiles of it were given up; mend the cause, and `kiln retry` bakes them again".into()),
         Job::Baking { left: 0, .. } => None,
         Job::Baking { .. } if full(core) => {
             Some(format!("the disk of {} is full; workers are put off until there is room", core.config.data_dir.display()))

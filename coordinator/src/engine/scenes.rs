@@ -2,6 +2,7 @@
 
 use super::{Download, Engine, EngineError, UploadedFile, core::blocking};
 use crate::{
+    auth::{Scope, TokenId},
     blob::{BlobError, BlobName},
     import::BundlePath,
     records::{Problem, SceneRecord, SceneState},
@@ -17,11 +18,16 @@ use tempfile::TempPath;
 use uuid::Uuid;
 
 impl Engine {
-    /// Stores an uploaded scene and queues its import with these options. The files are moved, also where this fails.
+    /// Stores an uploaded scene of `owner` and queues its import with these options. The files are moved, also where this fails.
     ///
     /// # Errors
     /// Options out of range, no file at all, too many, names that leave the scene's folder, or a full disk.
-    pub async fn add_scene(&self, files: Vec<UploadedFile>, options: ImportOptions) -> Result<SceneRecord, EngineError> {
+    pub async fn add_scene(
+        &self,
+        files: Vec<UploadedFile>,
+        options: ImportOptions,
+        owner: Option<TokenId>,
+    ) -> Result<SceneRecord, EngineError> {
         let mut problems = Vec::new();
         let mut staged = Vec::with_capacity(files.len());
         for file in files {
@@ -50,24 +56,24 @@ impl Engine {
             self.core.blobs.put_file(blob, path).await?;
             stored.push(StoredFile { name, blob });
         }
-        let row = self.core.store.add_scene(Uuid::now_v7(), &stored, &options, self.now()).await?;
+        let row = self.core.store.add_scene(Uuid::now_v7(), &stored, &options, owner, self.now()).await?;
         self.core.signals.tasks.notify_waiters();
         Ok(row.record)
     }
 
-    /// A scene by the id of its upload or by its hash.
+    /// A scene by the id of its upload or by its hash, of those within `scope`: what a caller may not see is not there.
     ///
     /// # Errors
     /// [`EngineError::NotFound`].
-    pub async fn scene(&self, name: &str) -> Result<SceneRecord, EngineError> {
-        Ok(self.find_scene(name).await?.record)
+    pub async fn scene(&self, name: &str, scope: Scope) -> Result<SceneRecord, EngineError> {
+        Ok(self.find_scene(name, scope).await?.record)
     }
 
-    pub(super) async fn find_scene(&self, name: &str) -> Result<SceneRow, EngineError> {
+    pub(super) async fn find_scene(&self, name: &str, scope: Scope) -> Result<SceneRow, EngineError> {
         let found = if let Ok(hash) = name.parse::<SceneHash>() {
-            self.core.store.scene_by_hash(hash).await?
+            self.core.store.scene_by_hash(hash, scope).await?
         } else if let Ok(id) = name.parse::<Uuid>() {
-            self.core.store.scene(id).await?
+            self.core.store.scene(id).await?.filter(|row| scope.covers(row.owner))
         } else {
             None
         };
@@ -84,7 +90,7 @@ impl Engine {
             let woken = self.core.signals.scenes.notified();
             tokio::pin!(woken);
             woken.as_mut().enable();
-            let record = self.scene(&id.to_string()).await?;
+            let record = self.scene(&id.to_string(), Scope::All).await?;
             let settled = matches!(record.state, SceneState::Ready | SceneState::Rejected);
             if settled || self.core.signals.is_stopping() || tokio::time::timeout_at(until, woken).await.is_err() {
                 return Ok(record);
@@ -97,7 +103,7 @@ impl Engine {
     /// # Errors
     /// [`EngineError::NotFound`].
     pub async fn scene_bytes(&self, scene: SceneHash) -> Result<Download, EngineError> {
-        let found = self.core.store.scene_by_hash(scene).await?.and_then(|s| s.canonical);
+        let found = self.core.store.scene_by_hash(scene, Scope::All).await?.and_then(|s| s.canonical);
         let blob = found.ok_or_else(|| EngineError::NotFound { what: "scene", id: scene.to_string() })?;
         let (length, stream) = self.core.blobs.read(blob, None).await?;
         Ok(Download { length, stream })

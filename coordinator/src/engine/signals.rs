@@ -4,7 +4,7 @@
 
 use kiln_proto::ids::JobId;
 use std::{
-    collections::HashMap,
+    collections::{BTreeSet, HashMap},
     sync::{
         Mutex, PoisonError,
         atomic::{AtomicBool, Ordering},
@@ -25,9 +25,36 @@ pub(super) struct Signals {
     pub(super) stop: Notify,
     stopping: AtomicBool,
     jobs: Mutex<HashMap<JobId, watch::Sender<()>>>,
+    /// What other coordinators have not been told; nothing where there are none.
+    changed: Option<Mutex<BTreeSet<JobId>>>,
 }
 
 impl Signals {
+    /// Signals of a coordinator on a store that others use too, or alone.
+    pub(super) fn new(shared: bool) -> Self {
+        Self { changed: shared.then(Mutex::default), ..Self::default() }
+    }
+
+    /// What others have not been told yet.
+    pub(super) fn take_changed(&self) -> Vec<JobId> {
+        let changed = self.changed.as_ref().map(|changed| std::mem::take(&mut *changed.lock().unwrap_or_else(PoisonError::into_inner)));
+        changed.into_iter().flatten().collect()
+    }
+
+    /// Others did something to these jobs.
+    pub(super) fn others_changed(&self, jobs: &[JobId]) {
+        jobs.iter().for_each(|job| self.wake(*job));
+        self.work.notify_waiters();
+        self.tasks.notify_waiters();
+        self.scenes.notify_waiters();
+    }
+
+    /// Anything may have happened: everybody looks.
+    pub(super) fn everything(&self) {
+        let watched: Vec<JobId> = self.jobs.lock().unwrap_or_else(PoisonError::into_inner).keys().copied().collect();
+        self.others_changed(&watched);
+    }
+
     /// Something happened to a job, and perhaps to everything that follows from it.
     pub(super) fn job_changed(&self, job: JobId) {
         self.touch(job);
@@ -37,6 +64,13 @@ impl Signals {
 
     /// Wakes only who watches the job.
     pub(super) fn touch(&self, job: JobId) {
+        if let Some(changed) = &self.changed {
+            changed.lock().unwrap_or_else(PoisonError::into_inner).insert(job);
+        }
+        self.wake(job);
+    }
+
+    fn wake(&self, job: JobId) {
         let mut jobs = self.jobs.lock().unwrap_or_else(PoisonError::into_inner);
         // Nobody listens any more: forget the job.
         if jobs.get(&job).is_some_and(|sender| sender.send(()).is_err()) {

@@ -18,7 +18,7 @@ use kiln_proto::{
     plan::Plan,
     probe::ProbeSums,
     scene::Scene,
-    tile::{TileIndex, TileRun},
+    tile::TileIndex,
     wire::message::Phase,
 };
 use std::{
@@ -111,7 +111,7 @@ pub(super) async fn merge(core: &Arc<Core>, id: JobId, phase: Phase) -> Result<T
     let row = job(core, id).await?;
     let (_, plan) = plan(core, &row).await?;
     let tiles = plan.tile_count(phase);
-    let segments = match StoredSegments::open(core, id, phase, TileRun { start: 0, end: tiles }).await? {
+    let segments = match StoredSegments::open(core, id, phase, (0..tiles).map(TileIndex).collect()).await? {
         Ok(segments) => segments,
         Err(gone) => return Ok(TaskResult::Lost(phase, gone)),
     };
@@ -130,8 +130,14 @@ pub(super) async fn merge(core: &Arc<Core>, id: JobId, phase: Phase) -> Result<T
     };
     let tiles = plan.tile_count(Phase::Bake);
     let cost = plan.surfaces.iter().flat_map(|s| &s.tiles).map(|t| u64::from(t.covered) + u64::from(t.gutter)).sum();
+    let places = places(&plan, &scene_of(core, &row).await?.1);
     let plan = core.put_plan(plan).await?;
-    Ok(TaskResult::Merged { phase, plan, tiles, cost })
+    Ok(TaskResult::Merged { phase, plan, tiles, cost, places })
+}
+
+/// Where surfaces begin among the tiles of Bake: what messages call a tile by. Tiles of Probe lie all over the scene.
+fn places(plan: &Plan, scene: &Scene) -> Vec<(u64, String)> {
+    scene.surfaces.iter().enumerate().map(|(index, s)| (plan.first_tile(index).0, s.name.clone())).collect()
 }
 
 /// What becomes of a task whose pipeline failed over the segments of a phase: content that cannot be used fails the job; storage that

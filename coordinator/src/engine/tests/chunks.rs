@@ -7,7 +7,7 @@ use crate::records::EventKind;
 async fn baking(rig: &Rig) -> (Arc<Engine>, JobId, Worker) {
     let engine = rig.open().await;
     let scene = ready_scene(&engine).await;
-    let job = engine.create_job(new_job(&scene)).await.unwrap().id;
+    let job = engine.create_job(new_job(&scene), &Principal::Local).await.unwrap().id;
     let worker = Worker::join(&engine, "first").await;
     loop {
         let grant = worker.lease().await;
@@ -44,6 +44,10 @@ async fn bad_chunks_are_refused_and_cost_the_attempt() {
         assert!(said.contains(reason), "expected `{reason}`, found `{said}`");
         assert_eq!(worker.put(grant.token, 1, &whole(&grant)).await, Err(Refusal::Gone { state: "fenced".into() }));
         assert_eq!(engine.heartbeat(grant.token, &Heartbeat { texels_done: 0, rays: 0 }).await, Ok(HeartbeatReply::Cancel));
+        // The tile is suspected now; a good delivery clears it, before three failures give it up.
+        let again = worker.lease().await;
+        assert_eq!(again.tiles.start, grant.tiles.start);
+        worker.bake(&again).await;
     }
     assert_eq!(engine.statistics().await.unwrap().chunks_refused, 9);
     // Nothing was lost: an honest worker finishes.
@@ -116,16 +120,17 @@ async fn an_expired_attempt_may_deliver_what_nobody_has_done() {
     let quick = Worker::join(&engine, "second").await;
     let taken = quick.lease().await;
     assert_eq!(taken.tiles.start, late.tiles.start, "what expired is leased again");
+    assert_eq!(taken.tiles.len(), late.tiles.len().div_ceil(2), "in halves");
     let (a, b) = (taken.tiles.start, taken.tiles.start + 1);
     quick.put(taken.token, 0, &chunk(taken.phase, &[a])).await.unwrap();
     // The first worker wakes up: one tile is done with the same bytes, the other is still undone.
     let verdict = slow.put(late.token, 0, &chunk(late.phase, &[a, b])).await.unwrap();
     assert_eq!(verdict.tiles, [(TileIndex(a), Verdict::Duplicate), (TileIndex(b), Verdict::Accepted)]);
     assert!(matches!(engine.complete(late.token, &finish()).await, Err(Refusal::Gone { state }) if state == "expired"));
-    // The second is told that its own is a duplicate, and owes nothing for it.
     let rest: Vec<u64> = (b..taken.tiles.end).collect();
-    let verdict = quick.put(taken.token, 1, &chunk(taken.phase, &rest)).await.unwrap();
-    assert_eq!(verdict.tiles[0], (TileIndex(b), Verdict::Duplicate));
+    if !rest.is_empty() {
+        quick.put(taken.token, 1, &chunk(taken.phase, &rest)).await.unwrap();
+    }
     engine.complete(taken.token, &finish()).await.unwrap();
     assert_eq!(engine.statistics().await.unwrap().attempts_expired, 1);
     assert_eq!(quick.see_through(job).await.state, JobState::Done);

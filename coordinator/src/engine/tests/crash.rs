@@ -18,7 +18,7 @@ async fn bake(crashes: &BTreeSet<usize>) -> Vec<Vec<u8>> {
     let rig = Rig::new();
     let mut engine = rig.open().await;
     let scene = upload(&engine, &[("r.obj", OBJ), ("r.mtl", MTL)]).await;
-    let job = engine.create_job(new_job(&scene)).await.unwrap().id;
+    let job = engine.create_job(new_job(&scene), &Principal::Local).await.unwrap().id;
     let mut worker = Worker::join(&engine, "w").await.id;
     let mut accepted: BTreeSet<(Phase, u64)> = BTreeSet::new();
     let mut open: Option<(LeaseGrant, u64)> = None;
@@ -66,7 +66,7 @@ async fn a_lease_that_outlives_its_worker_and_its_coordinator_expires() {
     let rig = Rig::new();
     let engine = rig.open().await;
     let scene = ready_scene(&engine).await;
-    let job = engine.create_job(new_job(&scene)).await.unwrap().id;
+    let job = engine.create_job(new_job(&scene), &Principal::Local).await.unwrap().id;
     let lost = Worker::join(&engine, "lost").await;
     let grant = lost.lease().await;
     drop(lost);

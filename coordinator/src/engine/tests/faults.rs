@@ -8,7 +8,7 @@ async fn a_full_disk_puts_workers_off_and_loses_nothing() {
     let rig = Rig::new();
     let engine = rig.open().await;
     let scene = ready_scene(&engine).await;
-    let job = engine.create_job(new_job(&scene)).await.unwrap().id;
+    let job = engine.create_job(new_job(&scene), &Principal::Local).await.unwrap().id;
     let worker = Worker::join(&engine, "w").await;
     let grant = worker.lease().await;
     let bytes = chunk(grant.phase, &(grant.tiles.start..grant.tiles.end).collect::<Vec<_>>());
@@ -54,7 +54,7 @@ async fn a_job_waits_while_the_disk_is_full_at_the_barrier_or_at_assembly_and_ba
         let rig = Rig::new();
         let engine = rig.open().await;
         let scene = ready_scene(&engine).await;
-        let job = engine.create_job(new_job(&scene)).await.unwrap().id;
+        let job = engine.create_job(new_job(&scene), &Principal::Local).await.unwrap().id;
         let worker = Worker::join(&engine, "w").await;
         let mut baked = bake_until_full(&rig, &engine, &worker, job, phase).await;
         assert_eq!(until_it_waits(&engine, job).await.state, state);
@@ -87,10 +87,10 @@ async fn a_job_waits_while_the_disk_is_full_at_the_barrier_or_at_assembly_and_ba
 async fn a_bake_that_does_not_fit_the_disk_never_begins() {
     let rig = Rig::new();
     std::fs::create_dir_all(rig.config().data_dir).unwrap();
-    let parts = Parts { pipeline: Arc::new(Toy), ..Parts::local(&rig.config().data_dir).await.unwrap() };
+    let parts = Parts { pipeline: Arc::new(Toy), ..Parts::of(&rig.config()).await.unwrap() };
     let engine = Engine::open_with(Config { reserve_bytes: u64::MAX / 2, ..rig.config() }, parts).await.unwrap();
     let scene = ready_scene(&engine).await;
-    let job = engine.create_job(new_job(&scene)).await.unwrap().id;
+    let job = engine.create_job(new_job(&scene), &Principal::Local).await.unwrap().id;
     let failed = until(&engine, job, JobState::Failed).await;
     let message = failed.problem.unwrap().message;
     assert!(message.contains("bytes are needed") && message.contains("free"), "{message}");
@@ -102,7 +102,7 @@ async fn a_job_whose_attempts_keep_failing_fails_with_their_reason() {
     let rig = Rig::new();
     let engine = rig.open().await;
     let scene = ready_scene(&engine).await;
-    let job = engine.create_job(new_job(&scene)).await.unwrap().id;
+    let job = engine.create_job(new_job(&scene), &Principal::Local).await.unwrap().id;
     let worker = Worker::join(&engine, "w").await;
     let broken = Finish { failure: Some("no memory for the tree".into()), ..finish() };
     while let Some(grant) = worker.lease_within(if engine.job(job).await.unwrap().state.is_final() { 0 } else { 5_000 }).await {
@@ -145,7 +145,7 @@ async fn only_blobs_that_nothing_names_are_collected() {
     let rig = Rig::new();
     let engine = rig.open().await;
     let scene = ready_scene(&engine).await;
-    let job = engine.create_job(new_job(&scene)).await.unwrap().id;
+    let job = engine.create_job(new_job(&scene), &Principal::Local).await.unwrap().id;
     Worker::join(&engine, "w").await.see_through(job).await;
     let stray = engine.core.blobs.put(Bytes::from_static(b"stray")).await.unwrap();
     assert_eq!(background::collect(&engine.core, 0).await.unwrap(), 0, "young blobs stay");

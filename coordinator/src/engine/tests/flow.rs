@@ -10,8 +10,8 @@ async fn a_scene_becomes_a_package() {
     let scene = ready_scene(&engine).await;
     assert_eq!(scene.statistics.as_ref().unwrap().surfaces, ["floor", "lamp"]);
     let hash = scene.scene.unwrap();
-    assert_eq!(engine.scene(&hash.to_string()).await.unwrap().id, scene.id);
-    let job = engine.create_job(new_job(&scene)).await.unwrap();
+    assert_eq!(engine.scene(&hash.to_string(), Scope::All).await.unwrap().id, scene.id);
+    let job = engine.create_job(new_job(&scene), &Principal::Local).await.unwrap();
     let worker = Worker::join(&engine, "one").await;
     let done = worker.see_through(job.id).await;
     assert_eq!((done.state, done.scene), (JobState::Done, Some(hash)));
@@ -38,7 +38,7 @@ async fn events_have_no_gaps_and_end_with_the_state() {
     let rig = Rig::new();
     let engine = rig.open().await;
     let scene = ready_scene(&engine).await;
-    let job = engine.create_job(new_job(&scene)).await.unwrap().id;
+    let job = engine.create_job(new_job(&scene), &Principal::Local).await.unwrap().id;
     Worker::join(&engine, "one").await.see_through(job).await;
     let page = engine.events(job, 0, 10_000).await.unwrap();
     assert!(!page.dropped && page.events.iter().map(|e| e.seq).eq(1..=page.events.len() as i64));
@@ -74,7 +74,7 @@ async fn a_waiting_worker_is_woken_by_work_and_by_the_end() {
     assert_eq!(worker.lease_within(0).await, None);
     let waiting = tokio::spawn(async move { (worker.lease_within(25_000).await, worker) });
     let scene = ready_scene(&engine).await;
-    let job = engine.create_job(new_job(&scene)).await.unwrap().id;
+    let job = engine.create_job(new_job(&scene), &Principal::Local).await.unwrap().id;
     let (grant, worker) = waiting.await.unwrap();
     assert_eq!(grant.unwrap().job, job);
     engine.cancel_job(job).await.unwrap();
@@ -85,6 +85,27 @@ async fn a_waiting_worker_is_woken_by_work_and_by_the_end() {
     assert!(matches!(engine.ready().await, Err(EngineError::Unavailable(_))));
 }
 
+/// Sixty-four workers that will not wait at all meet on one shard: each gets a lease, since there is one for each.
+#[tokio::test(flavor = "multi_thread")]
+async fn no_worker_is_sent_away_while_work_is_pending() {
+    let rig = Rig::new();
+    let engine = rig.open().await;
+    let scene = ready_scene(&engine).await;
+    let dense = SettingsPatch { texels_per_metre: Some(200.0), ..SettingsPatch::default() };
+    let job = engine.create_job(NewJob { settings: dense, ..new_job(&scene) }, &Principal::Local).await.unwrap().id;
+    let record = until(&engine, job, JobState::Baking).await;
+    assert!(record.progress.tiles >= 64, "{:?}", record.progress);
+    let mut workers = Vec::new();
+    for k in 0..64 {
+        workers.push(Worker::join(&engine, &format!("w{k}")).await);
+    }
+    let asked = workers.iter().map(|worker| worker.lease_within(0));
+    let grants: Vec<LeaseGrant> = futures_util::future::join_all(asked).await.into_iter().flatten().collect();
+    assert_eq!(grants.len(), 64);
+    let tiles: std::collections::BTreeSet<u64> = grants.iter().flat_map(|grant| grant.tiles.start..grant.tiles.end).collect();
+    assert_eq!(tiles.len() as u64, grants.iter().map(|grant| grant.tiles.len()).sum::<u64>(), "no tile twice");
+}
+
 #[tokio::test(flavor = "multi_thread")]
 async fn requests_that_cannot_work_are_refused_with_the_reason() {
     let rig = Rig::new();
@@ -92,15 +113,15 @@ async fn requests_that_cannot_work_are_refused_with_the_reason() {
     let scene = ready_scene(&engine).await;
     let says = |error: EngineError| error.to_string();
     let with = |settings: &str| NewJob { settings: serde_json::from_str(settings).unwrap(), ..new_job(&scene) };
-    let refused = says(engine.create_job(with(r#"{"samples":0}"#)).await.unwrap_err());
+    let refused = says(engine.create_job(with(r#"{"samples":0}"#), &Principal::Local).await.unwrap_err());
     assert!(refused.contains("samples"), "{refused}");
-    let refused = says(engine.create_job(with(r#"{"texture_sizes":{"roof":"2x2"}}"#)).await.unwrap_err());
+    let refused = says(engine.create_job(with(r#"{"texture_sizes":{"roof":"2x2"}}"#), &Principal::Local).await.unwrap_err());
     assert!(refused.contains("roof") && refused.contains("floor, lamp"), "{refused}");
     let unknown = NewJob { scene: "nothing".into(), ..new_job(&scene) };
-    assert!(matches!(engine.create_job(unknown).await, Err(EngineError::NotFound { what: "scene", .. })));
+    assert!(matches!(engine.create_job(unknown, &Principal::Local).await, Err(EngineError::NotFound { what: "scene", .. })));
     let escape = engine.spool().unwrap().into_temp_path().keep().unwrap();
     let files = vec![UploadedFile { name: "../../etc/passwd".into(), path: escape }];
-    assert!(matches!(engine.add_scene(files, kiln_proto::options::ImportOptions::default()).await, Err(EngineError::Invalid(_))));
+    assert!(matches!(engine.add_scene(files, kiln_proto::options::ImportOptions::default(), None).await, Err(EngineError::Invalid(_))));
     assert!(matches!(engine.package(JobId::random()).await, Err(EngineError::NotFound { .. })));
     let old = Hello { bake_version: BAKE_VERSION + 1, name: "next".into(), threads: 1, features: vec![] };
     assert!(matches!(engine.hello(&old).await, Err(Refusal::Incompatible { bake_version: BAKE_VERSION, .. })));
@@ -113,7 +134,7 @@ async fn a_rejected_scene_says_why_and_fails_its_jobs() {
     let rig = Rig::new();
     let engine = rig.open().await;
     let record = upload(&engine, &[("bad.obj", "v 0 0 0\nf 1 2 9\n")]).await;
-    let job = engine.create_job(new_job(&record)).await;
+    let job = engine.create_job(new_job(&record), &Principal::Local).await;
     let record = engine.wait_for_scene(record.id, Duration::from_secs(30)).await.unwrap();
     assert_eq!(record.state, SceneState::Rejected);
     assert_eq!(record.problems[0].line, Some(2), "{:?}", record.problems);
@@ -129,13 +150,13 @@ async fn estimates_lists_and_deletion() {
     let rig = Rig::new();
     let engine = rig.open().await;
     let scene = ready_scene(&engine).await;
-    let estimate = engine.estimate(&new_job(&scene)).await.unwrap();
+    let estimate = engine.estimate(&new_job(&scene), &Principal::Local).await.unwrap();
     assert_eq!(estimate.surfaces["floor"], "160x160");
     assert!(estimate.tiles >= 25 && estimate.texels > 25_000 && estimate.disk_bytes > estimate.texels && estimate.seconds.is_none());
     let mut ids = vec![];
     for k in 0..3 {
         let labels = [("k".to_owned(), k.to_string())].into();
-        ids.push(engine.create_job(NewJob { labels, ..new_job(&scene) }).await.unwrap().id);
+        ids.push(engine.create_job(NewJob { labels, ..new_job(&scene) }, &Principal::Local).await.unwrap().id);
     }
     ids.reverse();
     let first = engine.jobs(&JobFilter { limit: 2, ..JobFilter::default() }).await.unwrap();

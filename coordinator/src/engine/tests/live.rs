@@ -46,7 +46,7 @@ async fn segments_are_those_asked_for_and_done() {
     let rig = Rig::new();
     let engine = rig.open().await;
     let scene = ready_scene(&engine).await;
-    let job = engine.create_job(new_job(&scene)).await.unwrap().id;
+    let job = engine.create_job(new_job(&scene), &Principal::Local).await.unwrap().id;
     let everything = tiles(&[(0, u64::MAX)]);
     assert!(engine.live_segments(job, &everything, PLENTY).await.unwrap().is_empty());
     let worker = Worker::join(&engine, "one").await;
@@ -75,7 +75,7 @@ async fn a_chunk_whose_blob_is_gone_is_left_out() {
     let rig = Rig::new();
     let engine = rig.open().await;
     let scene = ready_scene(&engine).await;
-    let job = engine.create_job(new_job(&scene)).await.unwrap().id;
+    let job = engine.create_job(new_job(&scene), &Principal::Local).await.unwrap().id;
     let worker = Worker::join(&engine, "one").await;
     let [one, two] = grants(&worker).await;
     deliver(&worker, &one).await;
@@ -92,7 +92,7 @@ async fn the_scene_can_be_had_from_the_plan_on_and_changes_its_name_once() {
     let engine = rig.open().await;
     let scene = ready_scene(&engine).await;
     rig.full.store(true, Ordering::SeqCst);
-    let job = engine.create_job(new_job(&scene)).await.unwrap().id;
+    let job = engine.create_job(new_job(&scene), &Principal::Local).await.unwrap().id;
     assert!(matches!(engine.live_scene(job).await, Err(EngineError::Conflict { .. })));
     rig.full.store(false, Ordering::SeqCst);
     rig.pass(&engine, 60_000).await;
@@ -116,7 +116,7 @@ async fn an_answer_goes_on_from_one_shard_to_the_next() {
     let scene = ready_scene(&engine).await;
     // A floor of 64 x 64 tiles and more, and the lamp.
     let settings = SettingsPatch { texels_per_metre: Some(540.0), ..SettingsPatch::default() };
-    let job = engine.create_job(NewJob { settings, ..new_job(&scene) }).await.unwrap().id;
+    let job = engine.create_job(NewJob { settings, ..new_job(&scene) }, &Principal::Local).await.unwrap().id;
     let worker = Worker::join(&engine, "one").await;
     let mut last = 0;
     while last < SHARD_TILES + 3 {

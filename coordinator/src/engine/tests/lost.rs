@@ -36,7 +36,7 @@ async fn tiles_whose_blobs_are_gone_are_baked_again_and_the_package_is_the_same(
         let rig = Rig::new();
         let engine = rig.open().await;
         let scene = ready_scene(&engine).await;
-        let job = engine.create_job(new_job(&scene)).await.unwrap().id;
+        let job = engine.create_job(new_job(&scene), &Principal::Local).await.unwrap().id;
         let worker = Worker::join(&engine, "w").await;
         if let Some(phase) = lost {
             // Half of the phase, so that both the lost and the kept tiles matter.
@@ -59,7 +59,7 @@ async fn a_late_chunk_takes_the_place_of_one_that_is_gone() {
     let rig = Rig::new();
     let engine = rig.open().await;
     let scene = ready_scene(&engine).await;
-    let job = engine.create_job(new_job(&scene)).await.unwrap().id;
+    let job = engine.create_job(new_job(&scene), &Principal::Local).await.unwrap().id;
     let (slow, quick) = (Worker::join(&engine, "slow").await, Worker::join(&engine, "quick").await);
     let late = slow.lease().await;
     rig.pass(&engine, 31_000).await;

@@ -13,7 +13,8 @@ use super::{
     ports::{Kiln, Pipeline, PipelineError, Segments},
 };
 use crate::{
-    blob::{BlobError, BlobName, Blobs, ByteStream, LocalBlobs},
+    auth::{Principal, Scope},
+    blob::{BlobError, BlobList, BlobName, Blobs, ByteStream, LocalBlobs},
     config::Config,
     import::Imported,
     records::{JobRecord, JobState, NewJob, Problem, SceneRecord, SceneState},
@@ -158,8 +159,11 @@ impl Blobs for Disk {
     async fn delete(&self, name: BlobName) -> Result<(), BlobError> {
         self.real.delete(name).await
     }
-    async fn list(&self) -> Result<Vec<(BlobName, SystemTime)>, BlobError> {
-        self.real.list().await
+    fn list(&self) -> BlobList {
+        self.real.list()
+    }
+    async fn written(&self, name: BlobName) -> Result<Option<SystemTime>, BlobError> {
+        self.real.written(name).await
     }
 }
 
@@ -188,12 +192,12 @@ impl Rig {
 
     async fn open(&self) -> Arc<Engine> {
         let config = self.config();
-        let local = Parts::local(&config.data_dir).await;
+        let local = Parts::of(&config).await;
         let parts = match local {
             Ok(parts) => parts,
             Err(_) => {
                 std::fs::create_dir_all(&config.data_dir).unwrap();
-                Parts::local(&config.data_dir).await.unwrap()
+                Parts::of(&config).await.unwrap()
             }
         };
         let (clock, data) = (Arc::clone(&self.clock), &config.data_dir);
@@ -220,7 +224,7 @@ async fn upload(engine: &Engine, files: &[(&str, &str)]) -> SceneRecord {
         file.write_all(text.as_bytes()).unwrap();
         UploadedFile { name: (*name).into(), path: file.into_temp_path().keep().unwrap() }
     };
-    engine.add_scene(files.iter().map(spool).collect(), ImportOptions::default()).await.unwrap()
+    engine.add_scene(files.iter().map(spool).collect(), ImportOptions::default(), None).await.unwrap()
 }
 
 async fn ready_scene(engine: &Engine) -> SceneRecord {
@@ -233,7 +237,8 @@ async fn ready_scene(engine: &Engine) -> SceneRecord {
 /// A job of 20 tiles on the floor and 5 on the lamp, at 40 texels a metre.
 fn new_job(scene: &SceneRecord) -> NewJob {
     let settings = SettingsPatch { texels_per_metre: Some(40.0), ..SettingsPatch::default() };
-    NewJob { scene: scene.id.to_string(), settings, priority: 0, labels: [("who".to_owned(), "test".to_owned())].into() }
+    let labels = [("who".to_owned(), "test".to_owned())].into();
+    NewJob { scene: scene.id.to_string(), settings, priority: 0, labels }
 }
 
 /// A worker that has said hello.

@@ -69,7 +69,7 @@ async fn a_live_view_gets_the_light_without_raw_samples_and_the_scene_of_the_pac
     let raw = Some(kiln_proto::settings::RawFormat::U8);
     let settings =
         SettingsPatch { directions: Some("2x2".parse().unwrap()), texels_per_metre: Some(12.0), raw, ..SettingsPatch::default() };
-    let job = engine.create_job(NewJob { settings, ..new_job(&scene) }).await.unwrap().id;
+    let job = engine.create_job(NewJob { settings, ..new_job(&scene) }, &Principal::Local).await.unwrap().id;
     let worker = Worker::join(&engine, "grey").await;
     while !engine.job(job).await.unwrap().state.is_final() {
         let Some(grant) = worker.lease_within(20).await else { continue };
@@ -95,7 +95,7 @@ async fn a_live_view_gets_the_light_without_raw_samples_and_the_scene_of_the_pac
 pub(crate) async fn submit(engine: &Arc<Engine>) -> JobId {
     let scene = ready_scene(engine).await;
     let settings = SettingsPatch { directions: Some("2x2".parse().unwrap()), texels_per_metre: Some(12.0), ..SettingsPatch::default() };
-    engine.create_job(NewJob { settings, ..new_job(&scene) }).await.unwrap().id
+    engine.create_job(NewJob { settings, ..new_job(&scene) }, &Principal::Local).await.unwrap().id
 }
 
 /// Bakes a job to its end.
