@@ -1,2 +1,0 @@
--- Schema 3. Scenes remember how they were to be read.
-ALTER TABLE scenes ADD COLUMN options TEXT NOT NULL DEFAULT '{}';
