@@ -98,8 +98,6 @@ impl Engine {
         let (core, now) = (&*self.core, self.now());
         let ttl = core.config.lease.ttl_ms as i64;
         let Some(row) = core.store.heartbeat(token, heartbeat, ttl, now).await.map_err(busy)? else {
-            // It may have expired just now: what it held is free.
-            core.signals.work.notify_waiters();
             return Ok(HeartbeatReply::Cancel);
         };
         core.heard(row.worker, now);

@@ -246,14 +246,7 @@ impl Store for SqlStore {
     }
 
     async fn heartbeat(&self, token: Token, beat: &Heartbeat, ttl: i64, now: UnixMillis) -> Result<Option<AttemptRow>, StoreError> {
-        let held = self.beats.call(Beat { token, rays: beat.rays.min(lease::RAYS), ttl, now }).await?;
-        if held.is_none() {
-            // It may have come too late, and nobody has looked at the clock since.
-            if let Some(AttemptRow { state: lease::Attempt::Held { .. }, job, .. }) = self.attempt(token).await? {
-                self.expire_attempts([(job, vec![token])].into(), now).await?;
-            }
-        }
-        Ok(held)
+        self.beats.call(Beat { token, rays: beat.rays.min(lease::RAYS), ttl, now }).await
     }
 
     async fn chunk(&self, token: Token, n: u64) -> Result<Option<ChunkRow>, StoreError> {
