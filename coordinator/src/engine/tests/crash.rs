@@ -36,7 +36,7 @@ async fn bake(crashes: &BTreeSet<usize>) -> Vec<Vec<u8>> {
         match open.take() {
             // Patient: what is granted in the moment in which a worker gives up waiting goes back at once, unless the coordinator dies just
             // then; such a lease only runs out, and in this test time stands still.
-            None => open = hand.lease_within(5_000).await.map(|grant| (grant.clone(), grant.tiles.start)),
+            None => open = hand.lease_within(1_000).await.map(|grant| (grant.clone(), grant.tiles.start)),
             Some((grant, next)) if next < grant.tiles.end => {
                 let verdict = hand.put(grant.token, next, &chunk(grant.phase, &[next])).await.unwrap();
                 assert_eq!(verdict.tiles[0].1, Verdict::Accepted, "a held lease survives its coordinator");
