@@ -5,6 +5,8 @@ use crate::{job::Job, lease::Event as LeaseEvent, store::ChunkOutcome};
 use std::collections::BTreeMap;
 
 const TILES: u64 = 30;
+/// Leases that something happens to: the last ones, or a job of single tiles would hardly get on among all that are over.
+const RECENT: usize = 8;
 
 /// SplitMix64.
 fn roll(state: &mut u64, n: u64) -> u64 {
@@ -21,7 +23,7 @@ pub(super) async fn random_schedules_agree_with_the_oracle(store: &dyn Store) {
         let job = probing(store, scene, TILES, seed as i32).await;
         let mut now = NOW;
         let (mut leases, mut oracle, mut n) = (Vec::<Grant>::new(), BTreeMap::<TileIndex, Digest>::new(), 0);
-        for _ in 0..1_200 {
+        for _ in 0..3_000 {
             now += roll(&mut dice, 15) as i64;
             store.expire(now).await.unwrap();
             // Nobody is connected, so that a tile whose leases ran out three times is given up, and its job with it.
@@ -37,7 +39,7 @@ pub(super) async fn random_schedules_agree_with_the_oracle(store: &dyn Store) {
                     leases.push(Grant { run, ..lease });
                 }
                 1 | 2 if !leases.is_empty() => {
-                    let lease = leases[roll(&mut dice, leases.len() as u64) as usize];
+                    let lease = leases[leases.len() - 1 - roll(&mut dice, leases.len().min(RECENT) as u64) as usize];
                     let tile = lease.run.start + roll(&mut dice, lease.run.len());
                     let new = chunk(lease.token, n, &[tile], if roll(&mut dice, 4) == 0 { "other" } else { "" });
                     n += 1;
@@ -55,7 +57,7 @@ pub(super) async fn random_schedules_agree_with_the_oracle(store: &dyn Store) {
                     }
                 }
                 _ if !leases.is_empty() => {
-                    let lease = leases[roll(&mut dice, leases.len() as u64) as usize];
+                    let lease = leases[leases.len() - 1 - roll(&mut dice, leases.len().min(RECENT) as u64) as usize];
                     let event = if roll(&mut dice, 2) == 0 { LeaseEvent::Release } else { LeaseEvent::Fence };
                     store.finish_attempt(lease.token, event, None, now).await.unwrap();
                 }
