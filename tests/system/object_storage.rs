@@ -8,10 +8,7 @@ use crate::{
 use axum::http::{Method, Uri};
 // What the suite below sees of the crate that it is a part of.
 use kiln_coordinator::blob::{BlobError, BlobName, Blobs, RemoteBlobs};
-use object_store::{
-    BackoffConfig, ObjectStore, RetryConfig, aws::AmazonS3Builder, azure::MicrosoftAzureBuilder, gcp::GoogleCloudStorageBuilder,
-    prefix::PrefixStore,
-};
+use object_store::{BackoffConfig, ObjectStore, RetryConfig, aws::AmazonS3Builder, azure::MicrosoftAzureBuilder, prefix::PrefixStore};
 use std::{io::Write, net::SocketAddr, sync::Arc, time::Duration};
 use tempfile::{NamedTempFile, TempDir};
 
@@ -92,18 +89,6 @@ fn azure_does_what_every_store_of_blobs_must_through_faults() {
     let builder = builder.with_account(AZURE_ACCOUNT).with_access_key(AZURE_KEY).with_container_name("kiln").with_retry(quick_retry());
     conforms(builder.build().unwrap());
     weather.assert_bad();
-}
-
-/// There is no server of Google's to install. Its XML interface, which the client speaks, is S3's in all that is used here, so that the
-/// shape of the requests can be tried on a server of S3's; credentials cannot.
-#[test]
-fn google_clouds_requests_have_the_right_shape() {
-    let server = S3::start();
-    let builder = GoogleCloudStorageBuilder::new().with_base_url(&format!("http://{}", server.address)).with_bucket_name("kiln");
-    let options = object_store::ClientOptions::new().with_allow_http(true);
-    // An account without a key, for servers that stand in for Google's: no token is asked for.
-    let nobody = r#"{"disable_oauth": true, "client_email": "", "private_key": "", "private_key_id": ""}"#;
-    conforms(builder.with_client_options(options).with_service_account_key(nobody).with_retry(quick_retry()).build().unwrap());
 }
 
 #[test]
