@@ -7,7 +7,7 @@ use kiln_proto::{
     options::ImportOptions,
     settings::{BakeSettings, SettingsPatch},
     tile::TileRun,
-    wire::message::Phase,
+    wire::message::{Hello, Phase},
 };
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -334,6 +334,30 @@ pub struct WorkerRecord {
     /// Texels (gutters included) per second over the last half minute, as far as the coordinator has seen them.
     #[serde(default)]
     pub texels_per_second: f64,
+}
+
+impl WorkerRecord {
+    /// A worker that has just said hello. More threads than any machine has are not believed.
+    #[must_use]
+    pub fn new(id: WorkerId, hello: &Hello, now: UnixMillis) -> Self {
+        Self {
+            id,
+            name: hello.name.clone(),
+            threads: hello.threads.clamp(1, 4_096),
+            features: hello.features.clone(),
+            bake_version: hello.bake_version,
+            barred: None,
+            since_ms: now,
+            seen_ms: now,
+            job: None,
+            texels_done: 0,
+            rays: 0,
+            core_seconds: 0.0,
+            peak_rss_bytes: 0,
+            rays_per_second: 0.0,
+            texels_per_second: 0.0,
+        }
+    }
 }
 
 /// What the farm did over the last hour. Kept in memory: a coordinator that has just started knows only what happened since.

@@ -116,17 +116,23 @@ fn announced(log: impl std::io::Read + Send + 'static, words: &str) -> Option<So
 }
 
 fn moto() -> PathBuf {
-    let folder = installed(&format!("moto-{MOTO}"), |folder| {
-        let venv = Command::new("python3").args(["-m", "venv"]).arg(folder).output();
-        let venv = venv.is_ok_and(|output| output.status.success());
-        assert!(venv, "this test needs Python's venv: on Debian, 'sudo apt-get install python3-venv' (or 'make test-tools')");
-        let wanted = format!("moto[server]=={MOTO}");
-        let pip =
-            Command::new(folder.join("bin/pip")).args(["install", "--quiet", "--disable-pip-version-check", &wanted]).output().unwrap();
+    venv(&format!("moto-{MOTO}"), &[&format!("moto[server]=={MOTO}")]).join("bin/moto_server")
+}
+
+/// A virtual environment of Python with these packages; `name` changes with their versions.
+pub(crate) fn venv(name: &str, packages: &[&str]) -> PathBuf {
+    installed(name, |folder| {
+        let made = Command::new("python3").args(["-m", "venv"]).arg(folder).output();
+        let made = made.is_ok_and(|output| output.status.success());
+        assert!(
+            made,
+            "this test needs Python 3.10 or newer with venv: on Debian, 'sudo apt-get install python3-venv' (or 'make test-tools')"
+        );
+        let mut pip = Command::new(folder.join("bin/pip"));
+        let pip = pip.args(["install", "--quiet", "--disable-pip-version-check"]).args(packages).output().unwrap();
         let said = String::from_utf8_lossy(&pip.stderr);
-        assert!(pip.status.success(), "this test needs the Python package {wanted}, which pip could not install: {said}");
-    });
-    folder.join("bin/moto_server")
+        assert!(pip.status.success(), "this test needs the Python packages {packages:?}, which pip could not install: {said}");
+    })
 }
 
 fn azurite() -> PathBuf {

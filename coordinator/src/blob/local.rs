@@ -5,7 +5,7 @@
 
 use super::{
     BlobError, BlobList, BlobName, Blobs, ByteStream,
-    remote::{listed, object},
+    remote::{self, listed, object},
     stage,
 };
 use bytes::Bytes;
@@ -106,11 +106,7 @@ impl Blobs for LocalBlobs {
     }
 
     async fn written(&self, name: BlobName) -> Result<Option<SystemTime>, BlobError> {
-        match self.store.head(&object(name)).await.map_err(|e| BlobError::read(name, e)) {
-            Ok(meta) => Ok(Some(meta.last_modified.into())),
-            Err(BlobError::Missing(_)) => Ok(None),
-            Err(error) => Err(error),
-        }
+        remote::written(&self.store, name).await
     }
 }
 

@@ -68,6 +68,15 @@ pub(super) fn listed(found: Result<ObjectMeta, Error>) -> Option<Result<(BlobNam
     }
 }
 
+/// When a blob was written last; nothing where there is none.
+pub(super) async fn written(store: &dyn ObjectStore, name: BlobName) -> Result<Option<SystemTime>, BlobError> {
+    match store.head(&object(name)).await.map_err(|e| BlobError::read(name, e)) {
+        Ok(meta) => Ok(Some(meta.last_modified.into())),
+        Err(BlobError::Missing(_)) => Ok(None),
+        Err(error) => Err(error),
+    }
+}
+
 /// Bytes of a range, which is clipped to the object's end, with the length of the object.
 async fn block(store: &dyn ObjectStore, path: &ObjectPath, range: Range<u64>) -> Result<(u64, Bytes), Error> {
     let options = GetOptions { range: Some(GetRange::Bounded(range)), ..GetOptions::default() };
@@ -148,11 +157,7 @@ impl Blobs for RemoteBlobs {
     }
 
     async fn written(&self, name: BlobName) -> Result<Option<SystemTime>, BlobError> {
-        match self.store.head(&object(name)).await.map_err(|e| BlobError::read(name, e)) {
-            Ok(meta) => Ok(Some(meta.last_modified.into())),
-            Err(BlobError::Missing(_)) => Ok(None),
-            Err(error) => Err(error),
-        }
+        written(&*self.store, name).await
     }
 }
 

@@ -43,23 +43,7 @@ impl Engine {
             return Err(Refusal::Invalid { reason: format!("name or features above {} bytes", limits::NAME_BYTES) });
         }
         let now = self.now();
-        let worker = WorkerRecord {
-            id: WorkerId::random(),
-            name: hello.name.clone(),
-            threads: hello.threads.clamp(1, 4_096),
-            features: hello.features.clone(),
-            bake_version: hello.bake_version,
-            barred: None,
-            since_ms: now,
-            seen_ms: now,
-            job: None,
-            texels_done: 0,
-            rays: 0,
-            core_seconds: 0.0,
-            peak_rss_bytes: 0,
-            rays_per_second: 0.0,
-            texels_per_second: 0.0,
-        };
+        let worker = WorkerRecord::new(WorkerId::random(), hello, now);
         self.core.store.put_worker(&worker).await.map_err(busy)?;
         self.core.meter().heard(worker.id, now);
         tracing::info!(worker = %worker.id, name = worker.name, threads = worker.threads, "a worker joined");

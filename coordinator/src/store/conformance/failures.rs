@@ -7,7 +7,7 @@ use crate::{
     records::WorkerRecord,
     store::{ChunkOutcome, FinishOutcome},
 };
-use kiln_proto::wire::message::{Finish, Heartbeat};
+use kiln_proto::wire::message::{Finish, Heartbeat, Hello};
 use std::collections::BTreeMap;
 
 const BEAT: Heartbeat = Heartbeat { texels_done: 0, rays: 0 };
@@ -108,23 +108,8 @@ pub(super) async fn a_worker_that_fails_what_others_manage_is_barred(store: &dyn
     let scene = ready_scene(store).await;
     let (weak, strong) = (WorkerId::random(), WorkerId::random());
     for id in [weak, strong] {
-        let worker = WorkerRecord {
-            id,
-            name: "w".into(),
-            threads: 1,
-            features: vec![],
-            bake_version: 1,
-            barred: None,
-            since_ms: NOW,
-            seen_ms: NOW,
-            job: None,
-            texels_done: 0,
-            rays: 0,
-            core_seconds: 0.0,
-            peak_rss_bytes: 0,
-            rays_per_second: 0.0,
-            texels_per_second: 0.0,
-        };
+        let hello = Hello { name: "w".into(), threads: 1, features: vec![], bake_version: 1 };
+        let worker = WorkerRecord::new(id, &hello, NOW);
         store.put_worker(&worker).await.unwrap();
     }
     for _ in 0..BAR_AFTER {

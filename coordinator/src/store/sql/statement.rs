@@ -2,7 +2,7 @@
 
 use super::super::{StoreError, rows};
 use sqlx::{
-    Arguments, Database, Decode, Type,
+    Arguments, AssertSqlSafe, Database, Decode, SqlSafeStr, SqlStr, Type,
     postgres::{PgArguments, PgRow},
     sqlite::{SqliteArguments, SqliteRow},
 };
@@ -99,7 +99,7 @@ impl Statement {
         Ok((self.sqlite, arguments))
     }
 
-    pub(super) fn for_postgres(self) -> Result<(Cow<'static, str>, PgArguments), StoreError> {
+    pub(super) fn for_postgres(self) -> Result<(SqlStr, PgArguments), StoreError> {
         let mut arguments = PgArguments::default();
         for value in self.values {
             let added = match value {
@@ -111,7 +111,12 @@ impl Statement {
             };
             added.map_err(|e| StoreError::Database(sqlx::Error::Encode(e)))?;
         }
-        Ok((self.postgres, arguments))
+        let text = match self.postgres {
+            Cow::Borrowed(text) => text.into_sql_str(),
+            // What `locking` has added.
+            Cow::Owned(text) => AssertSqlSafe(text).into_sql_str(),
+        };
+        Ok((text, arguments))
     }
 }
 

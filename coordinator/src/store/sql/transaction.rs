@@ -4,7 +4,7 @@ use super::{
     super::StoreError,
     statement::{Row, Statement},
 };
-use sqlx::{AssertSqlSafe, PgConnection, Postgres, Sqlite, SqliteConnection, Transaction, pool::PoolConnection};
+use sqlx::{PgConnection, Postgres, Sqlite, SqliteConnection, Transaction, pool::PoolConnection};
 
 /// What statements run in. Dropping one that writes without [`Tx::commit`] undoes it.
 pub(crate) enum Tx {
@@ -34,8 +34,8 @@ impl Tx {
         }
     }
 
-    /// Whether arrays may be bound.
-    pub(crate) fn has_arrays(&self) -> bool {
+    /// Whether it is PostgreSQL: then arrays may be bound, and rows must be locked.
+    pub(crate) fn is_postgres(&self) -> bool {
         matches!(self, Tx::Postgres(_) | Tx::PostgresRead(_))
     }
 
@@ -48,7 +48,7 @@ impl Tx {
             }
             Connection::Postgres(c) => {
                 let (text, arguments) = statement.for_postgres()?;
-                Ok(sqlx::query_with(AssertSqlSafe(text.into_owned()), arguments).execute(c).await?.rows_affected())
+                Ok(sqlx::query_with(text, arguments).execute(c).await?.rows_affected())
             }
         }
     }
@@ -62,7 +62,7 @@ impl Tx {
             }
             Connection::Postgres(c) => {
                 let (text, arguments) = statement.for_postgres()?;
-                let rows = sqlx::query_with(AssertSqlSafe(text.into_owned()), arguments).fetch_all(c).await?;
+                let rows = sqlx::query_with(text, arguments).fetch_all(c).await?;
                 Ok(rows.into_iter().map(Row::Postgres).collect())
             }
         }

@@ -28,11 +28,13 @@ pub(in super::super) async fn grant(c: &mut Tx, grants: &[Grant], now: UnixMilli
     let connected = workers::connected(c, None, now).await?;
     for ((job, phase, index), wanted) in of_shard {
         let Some(mut shard) = shards::lock(c, job, phase, index).await? else { continue };
-        for at in wanted {
+        for &at in &wanted {
             let Grant { worker, run, .. } = grants[at];
             granted[at] = shard.take(TileIndex(run.start), run.len(), &shard.charges.avoided(worker, connected));
         }
-        shards::save(c, job, phase, index, &shard).await?;
+        if wanted.iter().any(|at| granted[*at].is_some()) {
+            shards::save(c, job, phase, index, &shard).await?;
+        }
     }
     for (grant, run) in grants.iter().zip(&granted) {
         if let Some(run) = run {
@@ -160,7 +162,7 @@ pub(in super::super) async fn heartbeats(
     ttl: i64,
     now: UnixMillis,
 ) -> Result<HashMap<Token, AttemptRow>, StoreError> {
-    if c.has_arrays() {
+    if c.is_postgres() {
         let query = sql("WITH beats AS (SELECT * FROM unnest($1::TEXT[], $2::BIGINT[]) AS b (token, rays)),
              held AS (SELECT a.token FROM attempts a WHERE a.token = ANY($1) AND a.state = 'held' AND a.deadline > $3 AND a.cap > $3
                       ORDER BY a.token FOR NO KEY UPDATE)
@@ -220,7 +222,7 @@ async fn finish(c: &mut Tx, ending: &Ending, now: UnixMillis) -> Result<FinishOu
 pub(super) async fn fence_all(c: &mut Tx, job: JobId, now: UnixMillis) -> Result<(), StoreError> {
     // Expired attempts too: a job that is over takes no late deliveries.
     let query = sql("SELECT token FROM attempts WHERE job = $1 AND state IN ('held', 'expired') ORDER BY token").locking();
-    if c.has_arrays() {
+    if c.is_postgres() {
         c.all(query.bind(job.to_string())).await?;
     }
     let query = sql("UPDATE attempts SET state = 'fenced', remaining = '', ended = COALESCE(ended, $1)

@@ -17,7 +17,7 @@ type Mark = (JobState, Option<Phase>, UnixMillis);
 
 /// Locks a job's row before anything of it is touched, so that two coordinators never wait for each other in a circle.
 pub(super) async fn lock(c: &mut Tx, id: JobId) -> Result<(), StoreError> {
-    if c.has_arrays() {
+    if c.is_postgres() {
         c.all(sql("SELECT id FROM jobs WHERE id = $1").locking().bind(id.to_string())).await?;
     }
     Ok(())

@@ -15,7 +15,7 @@ use kiln_proto::{ids::Token, tile::TileIndex};
 
 /// Locks the jobs, attempts and shards of these tokens.
 pub(super) async fn of_attempts(c: &mut Tx, tokens: impl Iterator<Item = Token>) -> Result<(), StoreError> {
-    if !c.has_arrays() {
+    if !c.is_postgres() {
         return Ok(());
     }
     let tokens: Vec<String> = tokens.map(|token| token.to_string()).collect();

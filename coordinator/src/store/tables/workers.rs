@@ -67,7 +67,7 @@ pub(in super::super) async fn list(c: &mut Tx, since: UnixMillis) -> Result<Vec<
 
 /// Notes when workers were heard last, in the order of their ids.
 pub(in super::super) async fn heard(c: &mut Tx, workers: &[(WorkerId, UnixMillis)]) -> Result<(), StoreError> {
-    if c.has_arrays() {
+    if c.is_postgres() {
         let (ids, times): (Vec<String>, Vec<i64>) = workers.iter().map(|(id, at)| (id.to_string(), *at)).unzip();
         let query = sql("WITH heard AS (SELECT * FROM unnest($1::TEXT[], $2::BIGINT[]) AS h (id, at)),
              known AS (SELECT id FROM workers WHERE id = ANY($1) ORDER BY id FOR NO KEY UPDATE)
