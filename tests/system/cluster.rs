@@ -3,7 +3,7 @@
 
 use crate::{
     harness::{Process, Server, assert_same_package, bake_room, kiln, quick, room, runtime, succeed},
-    servers::S3,
+    servers::{S3, s3_environment},
 };
 use kiln_test_servers::Postgres;
 use serde_json::Value;
@@ -71,14 +71,9 @@ fn join(client: TcpStream, server: TcpStream) {
 fn coordinator(dir: &Path, name: &str, store: &str, s3: &S3) -> Server {
     let config = dir.join(format!("{name}.toml"));
     std::fs::write(&config, "[lease]\nttl_ms = 3000\nheartbeat_ms = 500\ntarget_ms = 600\n\n[chunks]\nage_ms = 150\n").unwrap();
-    let mut command = kiln(["--json", "serve", "--listen", "127.0.0.1:0", "--workers", "0", "--blobs", "s3://kiln/farm", "--data"]);
-    command.arg(dir.join(name)).arg("--config").arg(&config).args(["--store", store]);
-    let endpoint = format!("http://{}", s3.address);
-    for (key, value) in [("AWS_ENDPOINT_URL", endpoint.as_str()), ("AWS_ALLOW_HTTP", "true"), ("AWS_REGION", "us-east-1")] {
-        command.env(key, value);
-    }
-    command.env("AWS_ACCESS_KEY_ID", "key").env("AWS_SECRET_ACCESS_KEY", "secret");
-    Server::spawn(command)
+    let environment = s3_environment(&format!("http://{}", s3.address));
+    let more = ["--blobs", "s3://kiln/farm", "--config", config.to_str().unwrap(), "--store", store];
+    Server::start_with(&environment, &dir.join(name), &more)
 }
 
 fn worker(url: &str) -> Process {

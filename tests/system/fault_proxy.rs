@@ -48,8 +48,9 @@ pub(crate) type Rule = dyn Fn(u64, &Method, &Uri) -> Option<Fault> + Send + Sync
 pub(crate) struct TcpFaults {
     /// Each begins this much later.
     pub(crate) delay: Duration,
-    /// Every other one, beginning with the first, is cut when it has carried this many bytes, both ways together.
-    pub(crate) cut_after: u64,
+    /// Whichever is at work when all together have carried another so many bytes, both ways, is cut: how many connections a client keeps,
+    /// and for how long, changes nothing about the number of cuts.
+    pub(crate) cut_every: u64,
 }
 
 /// A proxy on a port of its own; it ends with the value.
@@ -73,14 +74,13 @@ impl FaultProxy {
     /// Passes bytes on to `upstream`, but for the faults.
     pub(crate) fn tcp(upstream: SocketAddr, faults: TcpFaults) -> Self {
         Self::start(|listener, count| async move {
-            for number in 0_u64.. {
-                let Ok((client, _)) = listener.accept().await else { return };
-                let limit = if number.is_multiple_of(2) { faults.cut_after } else { u64::MAX };
-                let count = Arc::clone(&count);
+            let toll = Arc::new(Toll { carried: AtomicU64::new(0), cut_every: faults.cut_every });
+            while let Ok((client, _)) = listener.accept().await {
+                let (count, toll) = (Arc::clone(&count), Arc::clone(&toll));
                 tokio::spawn(async move {
                     tokio::time::sleep(faults.delay).await;
                     let Ok(server) = TcpStream::connect(upstream).await else { return };
-                    if relay(client, server, limit).await == Ok(Ended::Cut) {
+                    if relay(client, server, &toll).await == Ok(Ended::Cut) {
                         count.fetch_add(1, Ordering::SeqCst);
                     }
                 });
@@ -175,25 +175,38 @@ enum Ended {
     Cut,
 }
 
-/// Carries bytes both ways until one side closes, or up to `limit`; both connections are closed then.
-async fn relay(client: TcpStream, server: TcpStream, limit: u64) -> Result<Ended, io::ErrorKind> {
-    let carried = AtomicU64::new(0);
+/// What all connections of a proxy have carried.
+struct Toll {
+    carried: AtomicU64,
+    cut_every: u64,
+}
+
+impl Toll {
+    /// Whether these bytes are the ones too many.
+    fn is_due(&self, length: u64) -> bool {
+        let before = self.carried.fetch_add(length, Ordering::SeqCst);
+        before / self.cut_every != (before + length) / self.cut_every
+    }
+}
+
+/// Carries bytes both ways until one side closes or the toll is due; both connections are closed then.
+async fn relay(client: TcpStream, server: TcpStream, toll: &Toll) -> Result<Ended, io::ErrorKind> {
     let ((from_client, to_client), (from_server, to_server)) = (client.into_split(), server.into_split());
     tokio::select! {
-        ended = carry(from_client, to_server, &carried, limit) => ended,
-        ended = carry(from_server, to_client, &carried, limit) => ended,
+        ended = carry(from_client, to_server, toll) => ended,
+        ended = carry(from_server, to_client, toll) => ended,
     }
     .map_err(|e| e.kind())
 }
 
-async fn carry(mut from: OwnedReadHalf, mut to: OwnedWriteHalf, carried: &AtomicU64, limit: u64) -> io::Result<Ended> {
+async fn carry(mut from: OwnedReadHalf, mut to: OwnedWriteHalf, toll: &Toll) -> io::Result<Ended> {
     let mut block = vec![0; 16 << 10];
     loop {
         let length = from.read(&mut block).await?;
         if length == 0 {
             return Ok(Ended::Closed);
         }
-        if carried.fetch_add(length as u64, Ordering::SeqCst) + length as u64 > limit {
+        if toll.is_due(length as u64) {
             return Ok(Ended::Cut);
         }
         to.write_all(&block[..length]).await?;

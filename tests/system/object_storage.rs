@@ -3,7 +3,7 @@
 use crate::{
     fault_proxy::{Fault, FaultProxy, TcpFaults},
     harness::{Server, assert_same_package, bake_room, fail, kiln, runtime},
-    servers::{AZURE_ACCOUNT, AZURE_KEY, Azure, S3},
+    servers::{AZURE_ACCOUNT, AZURE_KEY, Azure, S3, s3_environment},
 };
 use axum::http::{Method, Uri};
 // What the suite below sees of the crate that it is a part of.
@@ -30,10 +30,10 @@ struct Weather {
 }
 
 impl Weather {
-    /// Connections are cut after `cut_after` bytes, which must let through what cannot be asked for in parts.
-    fn before(server: SocketAddr, cut_after: u64) -> Self {
+    /// A connection is cut every `cut_every` bytes, which must let through what cannot be asked for in parts.
+    fn before(server: SocketAddr, cut_every: u64) -> Self {
         let inner = FaultProxy::http(server, one_in_twenty);
-        let faults = TcpFaults { delay: Duration::from_millis(5), cut_after };
+        let faults = TcpFaults { delay: Duration::from_millis(5), cut_every };
         Self { outer: FaultProxy::tcp(inner.address, faults), inner }
     }
 
@@ -50,18 +50,6 @@ fn quick_retry() -> RetryConfig {
 fn s3(endpoint: &str) -> AmazonS3Builder {
     let builder = AmazonS3Builder::new().with_endpoint(endpoint).with_allow_http(true).with_bucket_name("kiln");
     builder.with_access_key_id("key").with_secret_access_key("secret").with_retry(quick_retry()).with_disable_bulk_delete(true)
-}
-
-/// The same in the environment of `kiln serve`.
-fn s3_environment(endpoint: &str) -> Vec<(&'static str, String)> {
-    let all = [
-        ("AWS_ENDPOINT_URL", endpoint),
-        ("AWS_ALLOW_HTTP", "true"),
-        ("AWS_ACCESS_KEY_ID", "key"),
-        ("AWS_SECRET_ACCESS_KEY", "secret"),
-        ("AWS_REGION", "us-east-1"),
-    ];
-    all.map(|(name, value)| (name, value.to_owned())).into()
 }
 
 fn conforms(store: impl ObjectStore) {

@@ -5,11 +5,12 @@
 use crate::harness::{Process, runtime};
 use base64::{Engine as _, prelude::BASE64_STANDARD};
 use hmac::{Hmac, KeyInit, Mac};
+use kiln_test_servers::free_port;
 use sha2::Sha256;
 use std::{
     fs::File,
     io::{BufRead, BufReader},
-    net::{SocketAddr, TcpListener},
+    net::SocketAddr,
     path::{Path, PathBuf},
     process::{ChildStderr, Command, Stdio},
 };
@@ -46,6 +47,18 @@ impl S3 {
     pub(crate) fn get(&self, path: &str) -> String {
         runtime().block_on(async { reqwest::get(self.url(path)).await.unwrap().text().await.unwrap() })
     }
+}
+
+/// How `kiln serve` finds the S3 at `endpoint` by its environment.
+pub(crate) fn s3_environment(endpoint: &str) -> Vec<(&'static str, String)> {
+    let all = [
+        ("AWS_ENDPOINT_URL", endpoint),
+        ("AWS_ALLOW_HTTP", "true"),
+        ("AWS_ACCESS_KEY_ID", "key"),
+        ("AWS_SECRET_ACCESS_KEY", "secret"),
+        ("AWS_REGION", "us-east-1"),
+    ];
+    all.map(|(name, value)| (name, value.to_owned())).into()
 }
 
 /// Azure's blobs by Azurite, with an empty container `kiln`.
@@ -87,10 +100,6 @@ fn make_container(address: SocketAddr) {
         (reply.status(), reply.text().await.unwrap())
     });
     assert!(reply.0.is_success(), "{reply:?}");
-}
-
-fn free_port() -> u16 {
-    TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port()
 }
 
 /// A moto on a port; nothing where the port was taken.
