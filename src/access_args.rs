@@ -3,7 +3,8 @@
 use clap::Args;
 use kiln_proto::secret::Secret;
 use kiln_worker::config::Access;
-use std::path::PathBuf;
+use reqwest::Url;
+use std::{net::IpAddr, path::PathBuf};
 
 /// Access to a coordinator.
 #[derive(Debug, Clone, Default, Args)]
@@ -36,9 +37,9 @@ pub fn address(text: &str) -> String {
 
 /// Whether what is sent there can be read on the way.
 fn is_exposed(server: &str) -> bool {
-    let Some(rest) = server.strip_prefix("http://") else { return false };
-    let host = rest.split('/').next().unwrap_or_default();
-    !(host.starts_with("127.") || host.starts_with("localhost") || host.starts_with("[::1]"))
+    let Some(url) = Url::parse(server).ok().filter(|url| url.scheme() == "http") else { return false };
+    let host = url.host_str().unwrap_or_default().trim_matches(['[', ']']);
+    host != "localhost" && !host.parse::<IpAddr>().is_ok_and(|ip| ip.is_loopback())
 }
 
 #[cfg(test)]
@@ -53,7 +54,11 @@ mod tests {
 
     #[test]
     fn only_plain_addresses_elsewhere_expose_what_is_sent() {
-        assert!(is_exposed("http://bake.example:8080") && is_exposed("http://10.0.0.1"));
+        for sent in
+            ["http://bake.example:8080", "http://10.0.0.1", "http://localhost.example", "http://127.example", "http://[2001:db8::1]:1"]
+        {
+            assert!(is_exposed(sent), "{sent}");
+        }
         for kept in ["https://bake.example", "http://127.0.0.1:8080", "http://localhost", "http://[::1]:1"] {
             assert!(!is_exposed(kept), "{kept}");
         }

@@ -2,13 +2,13 @@
 
 use crate::{
     access_args::{self, AccessArgs},
-    error::{CommandError, chain},
+    error::CommandError,
 };
 use futures_util::StreamExt;
 use kiln_coordinator::engine::JobPage;
 use kiln_coordinator::import::bundle::{Bundle, Content};
 use kiln_coordinator::records::{JobChange, JobRecord, NewJob, Problem, SceneRecord, SceneState, WorkerRecord};
-use kiln_proto::{ids::JobId, options::ImportOptions};
+use kiln_proto::{chain, ids::JobId, options::ImportOptions};
 use kiln_worker::client::transport;
 use reqwest::{RequestBuilder, Response, StatusCode, multipart};
 use serde::{Deserialize, de::DeserializeOwned};

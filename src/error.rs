@@ -2,6 +2,7 @@
 //!
 //! 0 is done, 1 means that the work failed, 2 that the command was not understood (clap exits with 2 for what it catches itself).
 
+use kiln_proto::chain;
 use std::fmt;
 
 /// A failed command.
@@ -66,18 +67,3 @@ impl fmt::Display for CommandError {
 }
 
 impl std::error::Error for CommandError {}
-
-/// An error with its causes in one line. A cause that its effect already quotes is not repeated.
-pub fn chain(error: &dyn std::error::Error) -> String {
-    let mut text = error.to_string();
-    let mut cause = error.source();
-    while let Some(inner) = cause {
-        let more = inner.to_string();
-        if !text.contains(&more) {
-            text.push_str(": ");
-            text.push_str(&more);
-        }
-        cause = inner.source();
-    }
-    text
-}

@@ -1,9 +1,6 @@
 //! A coordinator in this process with worker processes beside it: what `serve` and `bake` have in common.
 
-use crate::{
-    children::Children,
-    error::{CommandError, chain},
-};
+use crate::{children::Children, error::CommandError};
 use kiln_coordinator::{
     auth::{self, TokenId},
     config::Config,
@@ -11,7 +8,7 @@ use kiln_coordinator::{
     http::{self, Door, TlsIdentity},
     sandbox::Sandbox,
 };
-use kiln_proto::secret::Secret;
+use kiln_proto::{chain, secret::Secret};
 use std::{
     net::{Ipv4Addr, SocketAddr},
     path::Path,

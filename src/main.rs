@@ -127,7 +127,7 @@ fn run(cli: &Cli) -> Result<(), CommandError> {
 }
 
 fn tool(outcome: Result<(), ToolError>) -> Result<(), CommandError> {
-    outcome.map_err(|e| if e.is_usage() { CommandError::usage(error::chain(&e)) } else { CommandError::work(error::chain(&e)) })
+    outcome.map_err(|e| if e.is_usage() { CommandError::usage(kiln_proto::chain(&e)) } else { CommandError::work(kiln_proto::chain(&e)) })
 }
 
 async fn run_networked(command: &Command, json: bool) -> Result<(), CommandError> {

@@ -1,11 +1,12 @@
 //! `kiln serve`: the service.
 
 use crate::{
-    error::{CommandError, chain},
+    error::CommandError,
     host::{Host, asked_to_stop},
 };
 use clap::Args;
 use kiln_coordinator::{blob::Location, config::Config};
+use kiln_proto::chain;
 use std::{
     net::SocketAddr,
     path::{Path, PathBuf},

@@ -1,16 +1,12 @@
 //! `kiln token`: who may use a service. It works on the database, whether the service runs or not; a running one follows within seconds.
 
-use crate::{
-    error::{CommandError, chain},
-    output,
-    serve::read_config,
-    table::Table,
-};
+use crate::{error::CommandError, output, serve::read_config, table::Table};
 use clap::{Args, Subcommand};
 use kiln_coordinator::{
     auth::{Desk, DeskError, Minted, Role, Roles, TokenId, TokenRow},
     config::Config,
 };
+use kiln_proto::chain;
 use serde_json::json;
 use std::{
     path::PathBuf,

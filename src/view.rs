@@ -1,12 +1,13 @@
 //! `kiln view`: a package in a browser, without a farm.
 
 use crate::{
-    error::{CommandError, chain},
+    error::CommandError,
     host::{asked_to_stop, bind_error},
     output, viewer,
 };
 use clap::Args;
 use kiln_coordinator::http::view::{self, ViewedPackage};
+use kiln_proto::chain;
 use std::{net::SocketAddr, path::PathBuf};
 use tokio::net::TcpListener;
 use tokio_util::sync::CancellationToken;

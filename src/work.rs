@@ -2,9 +2,10 @@
 
 use crate::{
     access_args::{self, AccessArgs},
-    error::{CommandError, chain},
+    error::CommandError,
 };
 use clap::{Args, ValueEnum};
+use kiln_proto::chain;
 use kiln_worker::{
     config::{SpoolConfig, TileOrder, WorkerConfig},
     simd::Simd,

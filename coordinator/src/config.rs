@@ -203,7 +203,7 @@ impl Config {
         let mut problems = Vec::new();
         let mut require = |holds: bool, message: String| {
             if !holds {
-                problems.push(Problem { message, file: None, line: None });
+                problems.push(Problem::new(message));
             }
         };
         let (lease, chunks, access) = (&self.lease, &self.chunks, &self.access);

@@ -29,6 +29,14 @@ pub struct Problem {
     pub line: Option<u32>,
 }
 
+impl Problem {
+    /// A problem that is of no place in a file.
+    #[must_use]
+    pub fn new(message: impl Into<String>) -> Self {
+        Self { message: message.into(), file: None, line: None }
+    }
+}
+
 /// What an import found: `file:line: message` in print.
 impl std::fmt::Display for Problem {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {

@@ -33,7 +33,7 @@ pub fn make_plan(scene: &Scene, scene_hash: SceneHash, settings: &BakeSettings) 
         plan.covered = plan.tiles.iter().map(|t| u64::from(t.covered)).sum();
         if plan.covered == 0 {
             let message = format!("surface `{}` covers no texel of its {} texture: it gets no light field", surface.name, plan.size);
-            warnings.push(Problem { message, file: None, line: None });
+            warnings.push(Problem::new(message));
         }
         warnings.extend(check_samples(scene, surface, plan, settings)?);
     }
@@ -41,7 +41,7 @@ pub fn make_plan(scene: &Scene, scene_hash: SceneHash, settings: &BakeSettings) 
         Plan { version: PLAN_VERSION, bake_version: BAKE_VERSION, scene: scene_hash, settings: settings.clone(), surfaces, probe: None };
     if plan.covered() == 0 {
         let message = "no surface covers a single texel: raise texel_scale, texels_per_metre or texture_sizes".to_owned();
-        return Err(Problem { message, file: None, line: None });
+        return Err(Problem::new(message));
     }
     Ok((plan, warnings))
 }
@@ -63,7 +63,7 @@ fn check_samples(scene: &Scene, surface: &Surface, plan: &SurfacePlan, settings:
          lower its texture size or the number of directions, or allow a larger error",
         u32::MAX
     );
-    let problem = Problem { message, file: None, line: None };
+    let problem = Problem::new(message);
     if lossless { Err(problem) } else { Ok(Some(problem)) }
 }
 

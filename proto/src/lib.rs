@@ -6,6 +6,7 @@
 #![forbid(unsafe_code)]
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used))]
 
+mod chain;
 pub mod codec;
 pub mod format;
 pub mod frame;
@@ -27,6 +28,8 @@ mod text;
 pub mod tile;
 pub mod units;
 pub mod wire;
+
+pub use chain::chain;
 
 /// A number that changes whenever baked bytes may change. A job pins the version it was created with and is leased only to workers of the
 /// same version, so that the segments of one package never mix two generations of the estimator or the codec.

@@ -70,7 +70,7 @@ fn damaged_files_are_not_decoded() {
         fixture::flip(&dir.path().join(format!("surfaces/wall.{extension}")));
         // One texel that need not be the damaged one: a file is whole or it is not used.
         let error = decode(dir.path(), |a| (a.texels, a.from) = (Some(1), from)).unwrap_err();
-        let text = crate::error::chain(&error);
+        let text = kiln_proto::chain(&error);
         assert!(text.contains(&format!("wall.{extension}")) && text.contains("checksum"), "{text}");
     }
 }

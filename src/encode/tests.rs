@@ -95,7 +95,7 @@ fn damaged_raw_is_not_encoded() {
         fixture::bake(&from, fixture::settings(Rule::default(), Some(raw)));
         fixture::flip(&from.join("surfaces/wall.mtex"));
         let error = encode(&args(&from, &to)).unwrap_err();
-        let text = crate::error::chain(&error);
+        let text = kiln_proto::chain(&error);
         assert!(!error.is_usage() && text.contains("surfaces/wall.mtex") && text.contains("checksum"), "{text}");
         assert!(!to.exists());
     }

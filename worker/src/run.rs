@@ -161,15 +161,3 @@ async fn lease(session: &Session, ledger: &Ledger) -> Result<Option<kiln_proto::
     ledger.may_lease().await;
     session.lease().await
 }
-
-/// An error with its causes, in one line.
-fn chain(error: &dyn std::error::Error) -> String {
-    let mut text = error.to_string();
-    let mut cause = error.source();
-    while let Some(inner) = cause {
-        text.push_str(": ");
-        text.push_str(&inner.to_string());
-        cause = inner.source();
-    }
-    text
-}

@@ -15,6 +15,13 @@ pub struct Rate {
     pub burst: f64,
 }
 
+impl Rate {
+    /// A level after so many milliseconds. A clock that was set back fills nothing and takes nothing.
+    fn filled(self, level: f64, ms: i64) -> f64 {
+        (level + ms.max(0) as f64 / 1e3 * self.per_s).min(self.burst)
+    }
+}
+
 /// A bucket for each key.
 #[derive(Debug)]
 pub struct Buckets<K> {
@@ -34,10 +41,8 @@ impl<K: Eq + Hash> Buckets<K> {
     /// # Errors
     /// An empty bucket: seconds until there is a drop again, at least 1.
     pub fn take(&mut self, key: K, now: UnixMillis) -> Result<(), u64> {
+        self.look(&key, now)?;
         let level = self.level(&key, now);
-        if level < 1.0 {
-            return Err(((1.0 - level) / self.rate.per_s).ceil().max(1.0) as u64);
-        }
         self.make_room(now);
         self.levels.insert(key, (level - 1.0, now));
         Ok(())
@@ -53,9 +58,7 @@ impl<K: Eq + Hash> Buckets<K> {
     }
 
     fn level(&self, key: &K, now: UnixMillis) -> f64 {
-        let Some((level, at)) = self.levels.get(key) else { return self.rate.burst };
-        // A clock that was set back fills nothing and takes nothing.
-        (level + now.saturating_sub(*at).max(0) as f64 / 1e3 * self.rate.per_s).min(self.rate.burst)
+        self.levels.get(key).map_or(self.rate.burst, |(level, at)| self.rate.filled(*level, now.saturating_sub(*at)))
     }
 
     /// Forgets full buckets, which are as good as new ones; where all are in use, all.
@@ -64,7 +67,7 @@ impl<K: Eq + Hash> Buckets<K> {
             return;
         }
         let rate = self.rate;
-        self.levels.retain(|_, (level, at)| *level + now.saturating_sub(*at).max(0) as f64 / 1e3 * rate.per_s < rate.burst);
+        self.levels.retain(|_, (level, at)| rate.filled(*level, now.saturating_sub(*at)) < rate.burst);
         if self.levels.len() >= KEYS {
             self.levels.clear();
         }

@@ -73,12 +73,11 @@ impl Desk {
     /// # Errors
     /// A folder or a database that cannot be used.
     pub async fn open(config: &Config) -> Result<Self, DeskError> {
-        if let Some(url) = &config.store {
-            return Ok(Self::new(Arc::new(SqlStore::postgres(url).await?)));
-        }
         let data = &config.data_dir;
-        crate::engine::private_folder(data).map_err(|source| DeskError::Folder { path: data.clone(), source })?;
-        Ok(Self::new(Arc::new(SqlStore::sqlite(&data.join("kiln.db")).await?)))
+        if config.store.is_none() {
+            crate::engine::private_folder(data).map_err(|source| DeskError::Folder { path: data.clone(), source })?;
+        }
+        Ok(Self::new(Arc::new(SqlStore::open(config.store.as_deref(), data).await?)))
     }
 
     /// Makes a token.

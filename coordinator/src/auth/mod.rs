@@ -20,5 +20,6 @@ pub use desk::{Desk, DeskError, Minted};
 pub use principal::{Principal, Scope};
 pub use role::{BadRole, Role, Roles};
 pub use seal::{Keys, Session};
+pub(crate) use token::same;
 pub use token::{BadTokenId, Invalid, NoRandomness, Presented, TokenId, TokenRow, mint, random};
 pub use verifier::{Known, Verifier};

@@ -174,7 +174,7 @@ impl TokenRow {
 }
 
 /// Equality that takes the same time whatever differs.
-fn same(a: Digest, b: Digest) -> bool {
+pub(crate) fn same(a: Digest, b: Digest) -> bool {
     blake3::Hash::from_bytes(a.0) == blake3::Hash::from_bytes(b.0)
 }
 

@@ -107,7 +107,7 @@ impl EngineError {
     /// One problem with a request.
     #[must_use]
     pub fn invalid(message: impl Into<String>) -> Self {
-        Self::Invalid(vec![Problem { message: message.into(), file: None, line: None }])
+        Self::Invalid(vec![Problem::new(message)])
     }
 }
 

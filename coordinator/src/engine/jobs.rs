@@ -50,7 +50,7 @@ impl Engine {
         }
         let scene = self.find_scene(&new.scene, by.sees()).await?;
         if scene.record.state == SceneState::Rejected {
-            let rejected = Problem { message: format!("the scene {} was rejected", new.scene), file: None, line: None };
+            let rejected = Problem::new(format!("the scene {} was rejected", new.scene));
             return Err(EngineError::Invalid([vec![rejected], scene.record.problems].concat()));
         }
         if let Some(statistics) = &scene.record.statistics {

@@ -138,7 +138,7 @@ impl Engine {
 /// An attempt of a job failed: its followers are told. What becomes of its tiles is decided where the attempt ends.
 pub(super) async fn note_failure(core: &Core, job: JobId, message: String) -> Result<(), EngineError> {
     tracing::warn!(%job, message, "an attempt failed");
-    core.store.add_problem(job, &Problem { message, file: None, line: None }, core.now()).await?;
+    core.store.add_problem(job, &Problem::new(message), core.now()).await?;
     core.signals.job_changed(job);
     Ok(())
 }

@@ -45,10 +45,7 @@ impl Parts {
     /// A folder that cannot be written, a database that cannot be used or reached.
     pub async fn of(config: &Config) -> Result<Self, EngineError> {
         let data = &config.data_dir;
-        let store: Arc<dyn Store> = match &config.store {
-            Some(url) => Arc::new(SqlStore::postgres(url).await?),
-            None => Arc::new(SqlStore::sqlite(&data.join("kiln.db")).await?),
-        };
+        let store: Arc<dyn Store> = Arc::new(SqlStore::open(config.store.as_deref(), data).await?);
         let blobs: Arc<dyn Blobs> = match &config.blobs {
             Some(place) => blob::connect(&place.parse::<Location>().map_err(SetupError::from)?).await?,
             None => {

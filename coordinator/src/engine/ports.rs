@@ -11,6 +11,7 @@ use crate::{
     split,
 };
 use kiln_proto::{
+    chain,
     ids::SceneHash,
     options::ImportOptions,
     plan::Plan,
@@ -113,7 +114,7 @@ pub trait Pipeline: Send + Sync + 'static {
     fn probe(&self, bytes: &[u8], plan: &Plan, tile: TileIndex) -> Result<ProbeSums, Problem> {
         match segment::open(bytes, plan, Phase::Probe, tile).map_err(|e| problem(&e))? {
             Segment::Probe(probe) => Ok(probe.sums),
-            Segment::Tile(_) => Err(said(format!("the segment of probe tile {tile} is one of the bake"))),
+            Segment::Tile(_) => Err(Problem::new(format!("the segment of probe tile {tile} is one of the bake"))),
         }
     }
 
@@ -130,7 +131,7 @@ pub trait Pipeline: Send + Sync + 'static {
         dir: &Path,
     ) -> Result<serde_json::Value, PipelineError> {
         let first = plan.first_tile(surface).0;
-        let stem = &scene.surfaces.get(surface).ok_or_else(|| said(format!("the scene has no surface {surface}")))?.file_stem;
+        let stem = &scene.surfaces.get(surface).ok_or_else(|| Problem::new(format!("the scene has no surface {surface}")))?.file_stem;
         let mut source = |index: usize| segments.segment(TileIndex(first + index as u64)).map_err(SourceError::from);
         let report = assemble::assemble_surface(plan, surface, stem, &mut source, dir)?;
         Ok(serde_json::to_value(report).map_err(|e| problem(&e))?)
@@ -164,17 +165,7 @@ impl Pipeline for Kiln {
     }
 }
 
-fn said(message: String) -> Problem {
-    Problem { message, file: None, line: None }
-}
-
 /// An error with all its causes in one sentence.
 pub(super) fn problem(error: &dyn std::error::Error) -> Problem {
-    let mut message = error.to_string();
-    let mut source = error.source();
-    while let Some(cause) = source {
-        message = format!("{message}: {cause}");
-        source = cause.source();
-    }
-    said(message)
+    Problem::new(chain(error))
 }

@@ -54,14 +54,15 @@ pub(super) async fn caller(core: &Core, id: WorkerId) -> Result<Option<WorkerRec
     let now = core.now();
     let known = core.roster().get(id, now);
     let worker = match known {
-        Some(worker) => Some(worker),
-        None => core.store.worker(id).await?,
+        Some(worker) => worker,
+        None => {
+            let Some(read) = core.store.worker(id).await? else { return Ok(None) };
+            core.roster().put(read.clone(), now);
+            read
+        }
     };
-    if let Some(worker) = &worker {
-        core.roster().put(worker.clone(), now);
-        core.heard(id, now);
-    }
-    Ok(worker)
+    core.heard(id, now);
+    Ok(Some(worker))
 }
 
 /// Writes when workers were heard.

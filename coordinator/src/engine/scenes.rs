@@ -37,14 +37,14 @@ impl Engine {
             staged.push((file.name, adopt(file.path)?));
         }
         if let Err(bad) = options.check() {
-            problems.push(Problem { message: bad.to_string(), file: None, line: None });
+            problems.push(Problem::new(bad.to_string()));
         }
         if staged.is_empty() {
-            problems.push(Problem { message: "the upload holds no file".into(), file: None, line: None });
+            problems.push(Problem::new("the upload holds no file"));
         }
         if staged.len() > limits::BUNDLE_FILES {
             let message = format!("the upload holds {} files; at most {} are allowed", staged.len(), limits::BUNDLE_FILES);
-            problems.push(Problem { message, file: None, line: None });
+            problems.push(Problem::new(message));
         }
         if !problems.is_empty() {
             return Err(EngineError::Invalid(problems));

@@ -98,8 +98,8 @@ pub(super) async fn prepare(core: &Arc<Core>, id: JobId) -> Result<TaskResult, E
     space::require(&core.config, &plan, &row.spec.settings)?;
     let (tiles, texels, surfaces) = (plan.tile_count(Phase::Probe), plan.covered(), plan.surfaces.len());
     if tiles == 0 || plan.tile_count(Phase::Bake) == 0 {
-        let message = "no texel of any surface is covered; raise texels_per_metre or give texture_sizes".into();
-        return Ok(TaskResult::Failed(Problem { message, file: None, line: None }));
+        let message = "no texel of any surface is covered; raise texels_per_metre or give texture_sizes";
+        return Ok(TaskResult::Failed(Problem::new(message)));
     }
     let cost = (0..tiles).map(|t| plan.tile_cost(Phase::Probe, TileIndex(t))).sum();
     let plan = core.put_plan(plan).await?;

@@ -10,7 +10,7 @@ use super::{
     catalogue::Kind,
     conditional::{Decision, decide, strong_etag},
     extract::JobInPath,
-    problem::{Answer, Failure, chain},
+    problem::{Answer, Failure},
 };
 use crate::{blob::ByteStream, engine::Engine, records::PackageFile};
 use axum::{
@@ -21,7 +21,7 @@ use axum::{
 };
 use bytes::Bytes;
 use futures_util::StreamExt;
-use kiln_proto::ids::JobId;
+use kiln_proto::{chain, ids::JobId};
 use sha2::{Digest as _, Sha256};
 use std::{
     fmt::Write as _,

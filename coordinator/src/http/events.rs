@@ -10,7 +10,7 @@ use super::{
     catalogue::Kind,
     extract::{JobInPath, Query},
     gate::{Caller, Gate},
-    problem::{Answer, Failure, chain},
+    problem::{Answer, Failure},
 };
 use crate::{
     engine::{Engine, EngineError, EventPage},
@@ -25,7 +25,7 @@ use axum::{
     },
 };
 use futures_util::stream;
-use kiln_proto::{ids::JobId, tile::TileRun, wire::message::Phase};
+use kiln_proto::{chain, ids::JobId, tile::TileRun, wire::message::Phase};
 use serde::{Deserialize, Serialize};
 use std::{collections::VecDeque, convert::Infallible, sync::Arc, time::Duration};
 use tokio_util::sync::CancellationToken;

@@ -4,9 +4,10 @@
 use super::{
     App,
     catalogue::Kind,
-    problem::{Answer, Failure, chain},
+    problem::{Answer, Failure},
 };
 use axum::extract::State;
+use kiln_proto::chain;
 
 /// Liveness.
 #[utoipa::path(get, path = "/healthz", operation_id = "healthz", tag = "operations", responses((status = 200, description = "Alive", body = String, content_type = "text/plain")))]

@@ -1,17 +1,14 @@
 //! What surrounds every handler: a request id and a trace span, figures, security headers, the check of Host and Origin, and the net that
 //! catches panics.
 
-use super::{
-    App,
-    catalogue::Kind,
-    problem::{Failure, chain},
-};
+use super::{App, catalogue::Kind, problem::Failure};
 use axum::{
     extract::{MatchedPath, Request, State},
     http::{HeaderMap, HeaderName, HeaderValue, Uri, header, uri::Authority},
     middleware::Next,
     response::{IntoResponse, Response},
 };
+use kiln_proto::chain;
 use std::{any::Any, net::IpAddr, time::Instant};
 use tracing::Instrument;
 use uuid::Uuid;

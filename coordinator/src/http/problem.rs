@@ -10,6 +10,7 @@ use axum::{
     http::{HeaderName, HeaderValue, header},
     response::{IntoResponse, Response},
 };
+use kiln_proto::chain;
 use serde::Serialize;
 use std::error::Error;
 use utoipa::ToSchema;
@@ -71,7 +72,7 @@ impl Failure {
     /// A problem of the given kind; `detail` is one sentence about this occurrence.
     #[must_use]
     pub(super) fn new(kind: Kind, detail: impl Into<String>) -> Self {
-        let place = Problem { message: String::new(), file: None, line: None };
+        let place = Problem::new("");
         let (column, field, problems, headers, source) = (None, None, vec![], vec![], None);
         Self(Box::new(Inner { kind, detail: detail.into(), place, column, field, problems, headers, source }))
     }
@@ -167,18 +168,6 @@ fn quoted_field(message: &str) -> Option<String> {
     let (about, rest) = message.split_once('`')?;
     let names_a_field = about.ends_with("field ");
     names_a_field.then(|| rest.split('`').next().unwrap_or_default().to_owned())
-}
-
-/// An error and its sources as one line.
-#[must_use]
-pub(super) fn chain(error: &(dyn Error + 'static)) -> String {
-    let mut line = error.to_string();
-    let mut next = error.source();
-    while let Some(source) = next {
-        line = format!("{line}: {source}");
-        next = source.source();
-    }
-    line
 }
 
 impl IntoResponse for Failure {

@@ -144,7 +144,7 @@ mod tests {
 
     fn refused(certificate: &Path, key: &Path) -> String {
         let error = TlsIdentity::read(certificate, key).err().expect("a refusal");
-        crate::http::problem::chain(&error)
+        kiln_proto::chain(&error)
     }
 
     #[test]

@@ -12,7 +12,7 @@ use super::{
     conditional::strong_etag,
     extract::Path,
     layers, page,
-    problem::{Answer, Failure, chain},
+    problem::{Answer, Failure},
 };
 use crate::records::PackageFile;
 use axum::{
@@ -24,7 +24,10 @@ use axum::{
     response::{IntoResponse, Response},
     routing::get,
 };
-use kiln_proto::format::manifest::{self, Manifest, ManifestError, Sha256Hex};
+use kiln_proto::{
+    chain,
+    format::manifest::{self, Manifest, ManifestError, Sha256Hex},
+};
 use serde::Deserialize;
 use std::{
     collections::BTreeMap,

@@ -8,7 +8,7 @@ use super::{
     body::{self, Budget},
     catalogue::Kind,
     extract::Path,
-    problem::{Failure, chain},
+    problem::Failure,
 };
 use crate::engine::{Download, EngineError};
 use axum::{
@@ -18,7 +18,7 @@ use axum::{
     response::{IntoResponse, Response},
 };
 use kiln_proto::{
-    BAKE_VERSION,
+    BAKE_VERSION, chain,
     ids::{Digest, SceneHash, Token},
     limits,
     wire::{

@@ -145,7 +145,7 @@ impl Findings {
             warnings.push(Problem { message, ..first });
         }
         if self.unsaid > 0 {
-            warnings.push(Problem { message: format!("{} further warnings are not listed", self.unsaid), file: None, line: None });
+            warnings.push(Problem::new(format!("{} further warnings are not listed", self.unsaid)));
         }
         warnings
     }

@@ -14,7 +14,7 @@ fn run(job: Job, events: &[Event]) -> (Job, Vec<Action>) {
 }
 
 fn problem() -> Problem {
-    Problem { message: "no".into(), file: None, line: None }
+    Problem::new("no")
 }
 
 #[test]

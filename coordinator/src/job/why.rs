@@ -129,7 +129,7 @@ mod tests {
     fn the_first_cause_is_told() {
         let (none, some, other) = (BTreeMap::new(), BTreeMap::from([(1, 3)]), BTreeMap::from([(2, 3), (4, 1)]));
         let [a, b] = [7, 8].map(|n| Ahead { job: JobId(Uuid::from_u128(n)), tiles: 5 });
-        let failed = |retry| Job::Failed { problem: Problem { message: "no".into(), file: None, line: None }, retry };
+        let failed = |retry| Job::Failed { problem: Problem::new("no"), retry };
         let stopped = failed(Some(Retry { phase: Phase::Bake, left: 2, surfaces: 1 }));
         let broken = failed(None);
         let merging = Job::Baking { phase: Phase::Probe, left: 0, surfaces: 1 };

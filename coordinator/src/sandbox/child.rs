@@ -38,7 +38,7 @@ fn limit(resource: Resource, most: u64, beyond: u64) -> io::Result<()> {
 fn follow(work: Work, given: &[u8]) -> io::Result<(Answer, Vec<u8>)> {
     let too_large = |error: &dyn std::fmt::Display| {
         let message = format!("what was made of the scene is too large: {error}");
-        (Answer::Refused(vec![Problem { message, file: None, line: None }]), Vec::new())
+        (Answer::Refused(vec![Problem::new(message)]), Vec::new())
     };
     match work {
         Work::Import { files, options, scratch } => match Kiln.import(files, &options, &scratch) {

@@ -90,7 +90,7 @@ mod tests {
     #[test]
     fn messages_arrive_whole_or_not_at_all() {
         let mut pipe = Vec::new();
-        let problem = Problem { message: "no".into(), file: None, line: None };
+        let problem = Problem::new("no");
         send(&mut pipe, &Answer::Refused(vec![problem.clone()]), b"rest").unwrap();
         let (answer, bytes) = receive::<Answer>(&mut pipe.as_slice()).unwrap();
         assert!(matches!(answer, Answer::Refused(problems) if problems == [problem]));

@@ -37,7 +37,7 @@ impl Sandbox {
     /// Has a child do some work, which is about `given`; its answer, and the bytes of what it made.
     fn order(&self, doing: &str, work: Work, given: Vec<u8>) -> Result<(Answer, Vec<u8>), Problem> {
         let orders = Orders { memory_bytes: self.config.memory_bytes, cpu_seconds: self.config.cpu_seconds, work };
-        let ran = self.run(orders, given).map_err(|error| said(format!("{doing} could not be started: {error}")))?;
+        let ran = self.run(orders, given).map_err(|error| Problem::new(format!("{doing} could not be started: {error}")))?;
         match ran {
             Ran { ended: Ended::Alone(status), answer: Some(answer), .. } if status.success() => Ok(answer),
             Ran { ended, words, .. } => Err(self.why(doing, &ended, &words)),
@@ -75,7 +75,7 @@ impl Sandbox {
     fn why(&self, doing: &str, ended: &Ended, words: &str) -> Problem {
         let SandboxConfig { memory_bytes, cpu_seconds, seconds } = self.config;
         let last = words.lines().rev().find(|line| !line.trim().is_empty()).unwrap_or_default();
-        said(match ended {
+        Problem::new(match ended {
             Ended::Late => format!("{doing} took longer than {seconds} s (sandbox.seconds) and was stopped; make the scene smaller"),
             Ended::Alone(status) => match status.signal() {
                 Some(signal) if signal == Signal::XCPU.as_raw() || signal == Signal::KILL.as_raw() => {
@@ -128,31 +128,31 @@ fn last_words(errors: Option<impl Read>) -> String {
     String::from_utf8_lossy(&kept).into_owned()
 }
 
-fn said(message: String) -> Problem {
-    Problem { message, file: None, line: None }
-}
-
 impl Pipeline for Sandbox {
     fn import(&self, files: Vec<(String, PathBuf)>, options: &ImportOptions, scratch: &Path) -> Result<Imported, Vec<Problem>> {
         const DOING: &str = "importing the scene";
         let work = Work::Import { files, options: options.clone(), scratch: scratch.to_owned() };
         match self.order(DOING, work, Vec::new()).map_err(|problem| vec![problem])? {
             (Answer::Imported { statistics, warnings }, bytes) => {
-                let scene = Scene::from_bytes(&bytes).map_err(|e| vec![said(format!("{DOING}: {e}"))])?;
+                let scene = Scene::from_bytes(&bytes).map_err(|e| vec![Problem::new(format!("{DOING}: {e}"))])?;
                 Ok(Imported { scene, warnings, statistics: *statistics })
             }
             (Answer::Refused(problems), _) => Err(problems),
-            (Answer::Planned { .. }, _) => Err(vec![said(format!("{DOING}: it made a plan"))]),
+            (Answer::Planned { .. }, _) => Err(vec![Problem::new(format!("{DOING}: it made a plan"))]),
         }
     }
 
     fn plan(&self, scene: &Scene, hash: SceneHash, settings: &BakeSettings) -> Result<(Plan, Vec<Problem>), Problem> {
         const DOING: &str = "laying out the scene";
-        let bytes = scene.to_bytes().map_err(|e| said(format!("{DOING} could not be started: {e}")))?;
+        let bytes = scene.to_bytes().map_err(|e| Problem::new(format!("{DOING} could not be started: {e}")))?;
         match self.order(DOING, Work::Plan { hash, settings: Box::new(settings.clone()) }, bytes)? {
-            (Answer::Planned { warnings }, bytes) => Ok((Plan::from_bytes(&bytes).map_err(|e| said(format!("{DOING}: {e}")))?, warnings)),
-            (Answer::Refused(problems), _) => Err(problems.into_iter().next().unwrap_or_else(|| said(format!("{DOING} was refused")))),
-            (Answer::Imported { .. }, _) => Err(said(format!("{DOING}: it made a scene"))),
+            (Answer::Planned { warnings }, bytes) => {
+                Ok((Plan::from_bytes(&bytes).map_err(|e| Problem::new(format!("{DOING}: {e}")))?, warnings))
+            }
+            (Answer::Refused(problems), _) => {
+                Err(problems.into_iter().next().unwrap_or_else(|| Problem::new(format!("{DOING} was refused"))))
+            }
+            (Answer::Imported { .. }, _) => Err(Problem::new(format!("{DOING}: it made a scene"))),
         }
     }
 }

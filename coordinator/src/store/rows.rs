@@ -2,7 +2,7 @@
 
 use super::StoreError;
 use crate::{
-    job::Job,
+    job::{Job, OnPoison},
     records::{JobState, SceneState},
 };
 use kiln_proto::{
@@ -62,6 +62,10 @@ pub(super) fn public(state: JobState) -> &'static str {
 
 pub(super) fn job_state(text: &str) -> Result<Job, StoreError> {
     from_json("a job's state", text)
+}
+
+pub(super) fn on_poison(text: &str) -> Result<OnPoison, StoreError> {
+    from_json("what becomes of a poisoned job", &format!("\"{text}\""))
 }
 
 pub(super) fn scene_state(text: &str) -> Result<SceneState, StoreError> {

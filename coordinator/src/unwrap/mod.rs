@@ -98,7 +98,7 @@ fn wanted(surface: &Surface, settings: &BakeSettings) -> Result<Wanted, Problem>
     let (width, height) = (side(size.width), side(size.height));
     TextureSize::new(width, height).map(Wanted::Size).map_err(|_| {
         let max = limits::TEXTURE_SIDE;
-        problem(format!(
+        Problem::new(format!(
             "surface `{}`: {size} scaled by {scale} is {width}x{height}; at most {max} texels a side are allowed",
             surface.name
         ))
@@ -112,11 +112,11 @@ fn check_names(scene: &Scene, settings: &BakeSettings) -> Result<(), Problem> {
     if scene.surfaces.len() > SHOWN {
         known.push("…");
     }
-    Err(problem(format!("texture_sizes names the surface `{unknown}`, which the scene does not have; it has {}", known.join(", "))))
+    Err(Problem::new(format!("texture_sizes names the surface `{unknown}`, which the scene does not have; it has {}", known.join(", "))))
 }
 
 fn too_many_texels(surface: &Surface, texels: u64, settings: &BakeSettings) -> Problem {
-    problem(format!(
+    Problem::new(format!(
         "the textures up to surface `{}` have {texels} texels; a job may have {}: lower texel_scale (now {}), texels_per_metre (now {}) \
          or texture_sizes",
         surface.name,
@@ -124,10 +124,6 @@ fn too_many_texels(surface: &Surface, texels: u64, settings: &BakeSettings) -> P
         settings.texel_scale,
         settings.texels_per_metre
     ))
-}
-
-fn problem(message: String) -> Problem {
-    Problem { message, file: None, line: None }
 }
 
 #[cfg(test)]

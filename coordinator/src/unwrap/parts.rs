@@ -4,7 +4,7 @@ use super::{
     Charts, Wanted, atlas,
     author::{Author, Unusable},
     chart::{self, Chart, DoesNotFit, Origin},
-    check, flat, problem,
+    check, flat,
 };
 use crate::records::Problem;
 use kiln_proto::{
@@ -21,7 +21,7 @@ const WORTH: f64 = 2.0 / 3.0;
 
 /// Lays out a surface by itself.
 pub(super) fn lay_out(scene: &Scene, surface: &Surface, wanted: Wanted, warnings: &mut Vec<Problem>) -> Result<SurfacePlan, Problem> {
-    let mut warn = |message: String| warnings.push(problem(format!("surface `{}`: {message}", surface.name)));
+    let mut warn = |message: String| warnings.push(Problem::new(format!("surface `{}`: {message}", surface.name)));
     let all: Vec<u32> = (0..surface.triangles.len() as u32).collect();
     let maker = Maker { scene, surface, density: density(scene, surface, wanted) };
     let (mut why, mut kept) = (None, vec![]);
@@ -42,7 +42,7 @@ pub(super) fn lay_out(scene: &Scene, surface: &Surface, wanted: Wanted, warnings
     }
     let charts: Vec<Chart> = if surface.parts.len() == 1 { maker.charts(&all, &kept) } else { maker.each_part() };
     let source = if surface.parts.len() == 1 { source(&charts) } else { ChartSource::Parts };
-    let (layout, note) = maker.settle(charts, wanted).map_err(|e| problem(format!("surface `{}`: {e}", surface.name)))?;
+    let (layout, note) = maker.settle(charts, wanted).map_err(|e| Problem::new(format!("surface `{}`: {e}", surface.name)))?;
     if let Some((_, why)) = why {
         let count = layout.charts.iter().max().map_or(0, |last| last + 1);
         warn(match source {

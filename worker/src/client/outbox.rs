@@ -6,10 +6,10 @@
 
 use super::{
     attempt::{Attempt, Heart},
-    spool::{Spool, SpoolError, Spooled},
+    spool::{Spool, Spooled},
 };
 use bytes::Bytes;
-use kiln_proto::wire::message::Finish;
+use kiln_proto::{chain, wire::message::Finish};
 use std::{
     sync::{Arc, Mutex, PoisonError},
     time::{Duration, Instant},
@@ -97,7 +97,7 @@ impl Outbox {
         let reason = match stored {
             Ok(Ok(Some(spooled))) => return Some(spooled),
             Ok(Ok(None)) => "it holds as much as --spool-bytes allows".to_owned(),
-            Ok(Err(error)) => describe(&error),
+            Ok(Err(error)) => chain(&error),
             Err(interrupted) => interrupted.to_string(),
         };
         let mut said = self.said.lock().unwrap_or_else(PoisonError::into_inner);
@@ -116,9 +116,4 @@ impl Outbox {
     pub fn end(&self, attempt: Arc<Attempt>, finish: Finish, whole: bool, heart: Heart) -> Result<(), Closed> {
         self.parcels.send(Parcel::End(Box::new(End { attempt, finish, whole, _heart: heart }))).map_err(|_| Closed)
     }
-}
-
-fn describe(error: &SpoolError) -> String {
-    let cause = std::error::Error::source(error).map(|cause| format!(": {cause}"));
-    format!("{error}{}", cause.unwrap_or_default())
 }

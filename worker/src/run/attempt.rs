@@ -3,7 +3,6 @@
 use super::{
     bake::{self, Lease},
     cache::Cache,
-    chain,
     leave::Leave,
     pack, thread, usage,
 };
@@ -16,7 +15,10 @@ use crate::{
     },
     config::TileOrder,
 };
-use kiln_proto::wire::message::{Finish, LeaseGrant};
+use kiln_proto::{
+    chain,
+    wire::message::{Finish, LeaseGrant},
+};
 use std::sync::Arc;
 use tokio::sync::mpsc;
 

@@ -1,6 +1,5 @@
 //! The tiles of one lease, one after another, on the current thread pool.
 
-use super::chain;
 use crate::{
     capture::Capture,
     client::{attempt::Attempt, stream::Packed},
@@ -8,6 +7,7 @@ use crate::{
     encode,
 };
 use kiln_proto::{
+    chain,
     tile::TileIndex,
     wire::message::{LeaseGrant, Phase},
 };

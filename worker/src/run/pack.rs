@@ -1,12 +1,11 @@
 //! Segments into chunks, by size or age, and chunks into the outbox.
 
-use super::chain;
 use crate::client::{
     attempt::Attempt,
     outbox::Outbox,
     stream::{Chunk, Packed},
 };
-use kiln_proto::wire::message::Welcome;
+use kiln_proto::{chain, wire::message::Welcome};
 use std::{
     sync::Arc,
     time::{Duration, Instant},

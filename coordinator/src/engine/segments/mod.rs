@@ -83,7 +83,7 @@ impl StoredSegments {
 
 impl Segments for StoredSegments {
     fn segment(&self, tile: TileIndex) -> Result<Vec<u8>, PipelineError> {
-        let lost = |reason: String| Problem { message: format!("the segment of tile {tile} is lost: {reason}"), file: None, line: None };
+        let lost = |reason: String| Problem::new(format!("the segment of tile {tile} is lost: {reason}"));
         let (_, entry) = self.index.get(&tile).ok_or_else(|| lost("no chunk holds it".into()))?;
         // A panic while it was held can at worst have lost what was read ahead.
         let packed = self.ahead.lock().unwrap_or_else(PoisonError::into_inner).packed(&self.index, tile)?;

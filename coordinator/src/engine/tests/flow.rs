@@ -130,6 +130,22 @@ async fn requests_that_cannot_work_are_refused_with_the_reason() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn a_worker_that_calls_all_the_time_hears_what_became_of_it() {
+    let rig = Rig::new();
+    let engine = rig.open().await;
+    let worker = Worker::join(&engine, "busy").await;
+    let request = LeaseRequest { worker: worker.id, wait_ms: 0 };
+    assert_eq!(engine.lease(&request).await, Ok(None));
+    engine.core.store.forget(0, i64::MAX).await.unwrap();
+    assert_eq!(engine.lease(&request).await, Ok(None), "what was read a moment ago is believed");
+    for _ in 0..2 {
+        rig.clock.fetch_add(3_000, Ordering::SeqCst);
+        engine.lease(&request).await.ok();
+    }
+    assert_eq!(engine.lease(&request).await, Err(Refusal::UnknownWorker));
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn a_rejected_scene_says_why_and_fails_its_jobs() {
     let rig = Rig::new();
     let engine = rig.open().await;

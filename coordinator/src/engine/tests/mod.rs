@@ -92,7 +92,7 @@ impl Pipeline for Toy {
         Kiln.plan(scene, hash, settings)
     }
     fn check(&self, bytes: &[u8], _: &Plan, phase: Phase, tile: TileIndex) -> Result<(), Problem> {
-        let bad = |message: &str| Problem { message: message.into(), file: None, line: None };
+        let bad = |message: &str| Problem::new(message);
         let light = bytes.last_chunk::<4>().map(|b| f32::from_le_bytes(*b)).ok_or_else(|| bad("too short"))?;
         if !light.is_finite() {
             return Err(bad("not finite"));

@@ -17,7 +17,7 @@ impl Notes {
     pub(super) fn into_warnings(self) -> Vec<Problem> {
         let say = |(what, (whom, count)): (&str, (String, u64))| {
             let first = if count == 1 { format!("`{whom}`") } else { format!("the first is `{whom}`") };
-            Problem { message: format!("{what}: {count}, {first}"), file: None, line: None }
+            Problem::new(format!("{what}: {count}, {first}"))
         };
         self.0.into_iter().map(say).collect()
     }

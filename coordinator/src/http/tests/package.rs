@@ -44,7 +44,7 @@ impl Pipeline for Names {
         Kiln.plan(scene, hash, settings)
     }
     fn check(&self, bytes: &[u8], _: &Plan, _: Phase, tile: TileIndex) -> Result<(), Problem> {
-        let wrong = Problem { message: "another tile's data".into(), file: None, line: None };
+        let wrong = Problem::new("another tile's data");
         if bytes == segment(tile) { Ok(()) } else { Err(wrong) }
     }
     fn lean(&self, bytes: Vec<u8>) -> Result<Vec<u8>, Problem> {

@@ -4,7 +4,7 @@
 //! counted before the directory is parsed, each is inflated through a reader that stops at what is left of the budget, whatever size it
 //! states, and nothing is written under a name from the archive.
 
-use super::{Bundle, BundlePath, Content, Paths, plain, problem, refuse_archive};
+use super::{Bundle, BundlePath, Content, Paths, problem, refuse_archive};
 use crate::records::Problem;
 use kiln_proto::limits;
 use std::{
@@ -31,9 +31,9 @@ impl Bundle {
         check_entry_count(&mut reader)?;
         let mut archive = ZipArchive::new(reader).map_err(|e| broken(&e))?;
         if archive.has_duplicate_names() {
-            return Err(plain("the ZIP has two entries of the same name".to_owned()));
+            return Err(Problem::new("the ZIP has two entries of the same name"));
         }
-        let folder = tempfile::tempdir_in(scratch).map_err(|e| plain(format!("no scratch folder for the ZIP: {e}")))?;
+        let folder = tempfile::tempdir_in(scratch).map_err(|e| Problem::new(format!("no scratch folder for the ZIP: {e}")))?;
         let (mut files, mut paths) = (BTreeMap::new(), Paths::default());
         let mut budget = limits::BUNDLE_BYTES;
         for index in 0..archive.len() {
@@ -97,7 +97,7 @@ fn inflate_problem(path: &BundlePath, error: &InflateError) -> Problem {
 
 /// Refuses archives with more entries than a bundle may have files, before the directory is read into memory.
 fn check_entry_count(reader: &mut (impl Read + Seek)) -> Result<(), Problem> {
-    let io_problem = |e: io::Error| plain(format!("the ZIP cannot be read: {e}"));
+    let io_problem = |e: io::Error| Problem::new(format!("the ZIP cannot be read: {e}"));
     let length = reader.seek(SeekFrom::End(0)).map_err(io_problem)?;
     reader.seek(SeekFrom::Start(length.saturating_sub(END_SPAN))).map_err(io_problem)?;
     let mut tail = vec![];
@@ -107,7 +107,7 @@ fn check_entry_count(reader: &mut (impl Read + Seek)) -> Result<(), Problem> {
         let stated = u16::from_le_bytes([record[10], record[11]]);
         let entries = if stated == u16::MAX { wide_count(reader, &tail[..at]).map_err(io_problem)? } else { u64::from(stated) };
         if entries > limits::BUNDLE_FILES as u64 {
-            return Err(plain(format!("the ZIP has {entries} or more entries; at most {} are allowed", limits::BUNDLE_FILES)));
+            return Err(Problem::new(format!("the ZIP has {entries} or more entries; at most {} are allowed", limits::BUNDLE_FILES)));
         }
     }
     reader.rewind().map_err(io_problem)
@@ -126,5 +126,5 @@ fn wide_count(reader: &mut (impl Read + Seek), before: &[u8]) -> io::Result<u64>
 }
 
 fn broken(error: &ZipError) -> Problem {
-    plain(format!("the ZIP is broken or incomplete: {error}"))
+    Problem::new(format!("the ZIP is broken or incomplete: {error}"))
 }

@@ -4,7 +4,7 @@
 //! not be able to name `/etc/passwd` or `../../.ssh/id_ed25519`, nor to reach them through a link, and have them uploaded. What is outside
 //! is reported as missing.
 
-use super::{Bundle, BundlePath, Content, Format, Part, format, plain, problem, unreadable};
+use super::{Bundle, BundlePath, Content, Format, Part, format, problem, unreadable};
 use crate::{
     import::{
         gltf, obj,
@@ -180,7 +180,7 @@ impl Walk {
 fn read(path: &Path, shown: &str) -> Result<Vec<u8>, Problem> {
     let length = path.metadata().map_err(|e| unreadable(shown, &e))?.len();
     if length > limits::TEXT_BYTES {
-        return Err(plain(format!("{shown} has {length} bytes; at most {} are allowed", limits::TEXT_BYTES)));
+        return Err(Problem::new(format!("{shown} has {length} bytes; at most {} are allowed", limits::TEXT_BYTES)));
     }
     std::fs::read(path).map_err(|e| unreadable(shown, &e))
 }

@@ -95,11 +95,11 @@ impl Bundle {
     /// Checks the bounds and makes the tables by which references are found.
     fn index(&mut self) -> Result<(), Problem> {
         if self.files.len() > limits::BUNDLE_FILES {
-            return Err(plain(format!("the bundle has {} files; at most {} are allowed", self.files.len(), limits::BUNDLE_FILES)));
+            return Err(Problem::new(format!("the bundle has {} files; at most {} are allowed", self.files.len(), limits::BUNDLE_FILES)));
         }
         let total = self.files.iter().try_fold(0u64, |sum, (path, content)| Ok::<u64, Problem>(sum + length(path, content)?))?;
         if total > limits::BUNDLE_BYTES {
-            return Err(plain(format!("the bundle has {total} bytes; at most {} are allowed", limits::BUNDLE_BYTES)));
+            return Err(Problem::new(format!("the bundle has {total} bytes; at most {} are allowed", limits::BUNDLE_BYTES)));
         }
         self.folded.clear();
         self.names.clear();
@@ -178,7 +178,7 @@ fn choose_main(files: &BTreeMap<BundlePath, Content>, choice: Option<&str>) -> R
     match scenes.as_slice() {
         [one] => Ok((*one).clone()),
         [] => Err(no_scene(files)),
-        [first, second, ..] => Err(plain(format!(
+        [first, second, ..] => Err(Problem::new(format!(
             "the bundle has {} scenes ({first}, {second}{}); send one, or say which it is",
             scenes.len(),
             if scenes.len() > 2 { ", …" } else { "" }
@@ -190,8 +190,8 @@ fn no_scene(files: &BTreeMap<BundlePath, Content>) -> Problem {
     let other = files.keys().find_map(|p| format::unsupported_by_name(p.as_str()).map(|what| (p, what)));
     match other {
         Some((path, what)) => format::refusal(path.as_str(), what),
-        None if files.is_empty() => plain("the bundle is empty".to_owned()),
-        None => plain("the bundle has no scene (.obj, .gltf, .glb, .x3d, .x3dv, .x3dj, .wrl or one of these packed by gzip)".to_owned()),
+        None if files.is_empty() => Problem::new("the bundle is empty"),
+        None => Problem::new("the bundle has no scene (.obj, .gltf, .glb, .x3d, .x3dv, .x3dj, .wrl or one of these packed by gzip)"),
     }
 }
 
@@ -222,10 +222,6 @@ fn length(path: &BundlePath, content: &Content) -> Result<u64, Problem> {
 
 fn problem(file: &str, message: impl Into<String>) -> Problem {
     Problem { message: message.into(), file: Some(file.chars().take(200).collect()), line: None }
-}
-
-fn plain(message: String) -> Problem {
-    Problem { message, file: None, line: None }
 }
 
 fn unreadable(file: &str, error: &std::io::Error) -> Problem {

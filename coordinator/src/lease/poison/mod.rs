@@ -25,16 +25,15 @@ use kiln_proto::{
 };
 
 /// What a job says of a tile that its charges have put into quarantine: where it is, what the last attempt at it died of (`error`, a
-/// sentence without a full stop), and what to do.
+/// sentence without a full stop), and what to do. `place` is its surface and its number among the tiles of that surface, where known.
 #[must_use]
-pub fn poisoned(charges: &Charges, surface: &str, phase: Phase, tile: TileIndex, error: &str) -> Problem {
+pub fn poisoned(charges: &Charges, phase: Phase, tile: TileIndex, place: Option<(&str, u64)>, error: &str) -> Problem {
     let (times, workers) = (charges.of(tile), charges.workers(tile).count());
     let workers = if workers == 1 { "the only worker".to_owned() } else { format!("{workers} workers") };
-    let message = format!(
-        "tile {tile} of phase {phase}, on surface `{surface}`, failed {times} times on {workers}, the last time with: {error}; mend the \
-         cause and retry the job, or submit it with `--on-poison skip` to bake around the tile"
-    );
-    Problem { message, file: None, line: None }
+    let place = place.map_or_else(String::new, |(surface, number)| format!(" (tile {number} of surface `{surface}`)"));
+    Problem::new(format!(
+        "tile {tile} of {phase}{place} failed {times} times on {workers}, the last time with: {error}; mend the cause and retry the job"
+    ))
 }
 
 /// An attempt that failed, or fell silent, and left tiles behind.
@@ -60,14 +59,14 @@ mod tests {
     fn a_poisoned_tile_is_named_with_its_surface_its_error_and_what_to_do() {
         let (tile, mut charges) = (TileIndex(7), Charges::default());
         [1, 2, 1].into_iter().for_each(|n| charges.charge(tile, WorkerId(Uuid::from_u128(n))));
-        let problem = poisoned(&charges, "floor", Phase::Bake, tile, "out of memory");
         assert_eq!(
-            problem.message,
-            "tile 7 of phase bake, on surface `floor`, failed 3 times on 2 workers, the last time with: out of memory; mend the cause \
-             and retry the job, or submit it with `--on-poison skip` to bake around the tile"
+            poisoned(&charges, Phase::Bake, tile, Some(("floor", 3)), "out of memory").message,
+            "tile 7 of bake (tile 3 of surface `floor`) failed 3 times on 2 workers, the last time with: out of memory; mend the cause and \
+             retry the job"
         );
         let mut alone = Charges::default();
         (0..3).for_each(|_| alone.charge(tile, WorkerId(Uuid::from_u128(1))));
-        assert!(poisoned(&alone, "floor", Phase::Bake, tile, "x").message.contains("3 times on the only worker"));
+        let problem = poisoned(&alone, Phase::Probe, tile, None, "x");
+        assert!(problem.message.starts_with("tile 7 of probe failed 3 times on the only worker"), "{problem}");
     }
 }

@@ -30,7 +30,7 @@ pub(crate) async fn concurrent(one: Arc<dyn Store>, other: Arc<dyn Store>) {
         async move {
             for _ in 0..50 {
                 store.expire(NOW).await.unwrap();
-                store.add_problem(job, &crate::records::Problem { message: "x".into(), file: None, line: None }, NOW).await.unwrap();
+                store.add_problem(job, &crate::records::Problem::new("x"), NOW).await.unwrap();
             }
             store.job_event(doomed, &crate::job::Event::Cancel, NOW).await.unwrap().unwrap().unwrap();
         }

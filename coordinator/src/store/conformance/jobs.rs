@@ -77,7 +77,7 @@ pub(super) async fn a_task_belongs_to_its_token(store: &dyn Store) {
     assert_eq!(store.expire(NOW + 19).await.unwrap().tasks, 0);
     assert_eq!(store.expire(NOW + 20).await.unwrap().tasks, 1);
     assert_eq!(store.take_task(new, NOW + 50, NOW).await.unwrap().unwrap().task, Task::Import(id));
-    let failed = TaskResult::Failed(Problem { message: "late".into(), file: None, line: None });
+    let failed = TaskResult::Failed(Problem::new("late"));
     assert!(!store.renew_task(old, NOW + 99).await.unwrap() && !store.finish_task(old, &failed, NOW).await.unwrap(), "the token fences");
     assert_eq!(store.scene(id).await.unwrap().unwrap().record.state, SceneState::Importing);
     assert_eq!(store.take_over_tasks(NOW).await.unwrap(), 1, "whoever knows itself alone need not wait for deadlines");
@@ -101,7 +101,7 @@ pub(super) async fn a_task_that_never_ends_fails_its_job(store: &dyn Store) {
 pub(super) async fn events_are_kept_up_to_a_bound(store: &dyn Store) {
     let scene = ready_scene(store).await;
     let job = store.add_job(&spec(scene, 0), NOW).await.unwrap().spec.id;
-    let problem = Problem { message: "p".into(), file: None, line: None };
+    let problem = Problem::new("p");
     store.add_problem(job, &problem, NOW + 5).await.unwrap();
     let page = store.events(job, 0, 100).await.unwrap().unwrap();
     assert!(!page.dropped && page.events.iter().map(|e| e.seq).eq([1, 2, 3]));

@@ -34,6 +34,17 @@ pub struct SqlStore {
 }
 
 impl SqlStore {
+    /// The database at `url`, or where there is none the SQLite file of a data folder.
+    ///
+    /// # Errors
+    /// As [`SqlStore::postgres`] and [`SqlStore::sqlite`].
+    pub async fn open(url: Option<&str>, data: &Path) -> Result<Self, StoreError> {
+        match url {
+            Some(url) => Self::postgres(url).await,
+            None => Self::sqlite(&data.join("kiln.db")).await,
+        }
+    }
+
     /// Opens a SQLite file, creates it when missing, and brings its schema up to date.
     ///
     /// # Errors

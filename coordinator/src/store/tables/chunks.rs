@@ -197,5 +197,5 @@ async fn blame(c: &mut Tx, attempt: &AttemptRow, conflicts: &TileRuns, now: Unix
         attempt.phase,
         other.as_deref().unwrap_or("(forgotten)"),
     );
-    events::append(c, attempt.job, &EventKind::Problem { problem: Problem { message, file: None, line: None } }, now).await
+    events::append(c, attempt.job, &EventKind::Problem { problem: Problem::new(message) }, now).await
 }

@@ -6,7 +6,7 @@ use crate::{
     records::{EventKind, JobState, Problem, SceneState, UnixMillis},
     store::{
         JobFilter, JobRow, JobSpec, PlanRef, StoreError, Task,
-        rows::{from_json, job_state, json, parse, public, strange},
+        rows::{from_json, job_state, json, on_poison, parse, public, strange},
         sql::{Row, Tx, either, sql},
     },
 };
@@ -133,7 +133,7 @@ fn row(row: &Row) -> Result<JobRow, StoreError> {
             priority: i32::try_from(priority).map_err(|_| strange("a priority", priority.to_string()))?,
             labels: from_json("labels", &row.text("labels")?)?,
             bake_version: row.small("bake_version")?,
-            on_poison: from_json("what becomes of a poisoned job", &format!("\"{}\"", row.text("on_poison")?))?,
+            on_poison: on_poison(&row.text("on_poison")?)?,
             owner: tokens::owner(row)?,
         },
         scene_hash: row.maybe_text("scene_hash")?.map(|t| parse("a scene hash", &t)).transpose()?,

@@ -42,7 +42,7 @@ pub(in super::super) async fn lose(c: &mut Tx, job: JobId, phase: Phase, blob: B
          WHERE id = $3");
     c.run(query.bind(tiles.len()).bind(cost).bind(job.to_string())).await?;
     let message = format!("the chunk {blob} is gone; its {} tiles of {phase} are baked again", tiles.len());
-    events::append(c, job, &EventKind::Problem { problem: Problem { message, file: None, line: None } }, now).await?;
+    events::append(c, job, &EventKind::Problem { problem: Problem::new(message) }, now).await?;
     Ok(true)
 }
 

@@ -3,18 +3,17 @@
 use super::{jobs, shards, workers};
 use crate::{
     job::{self, OnPoison},
-    lease::{Refuted, Suspicion, shard_of},
+    lease::{self, Refuted, Suspicion, shard_of},
     records::{Problem, UnixMillis},
     store::{
         AttemptRow, StoreError,
-        rows::{from_json, parse},
+        rows::{from_json, on_poison, parse},
         sql::{Tx, sql},
     },
 };
 use kiln_proto::{
     ids::{JobId, WorkerId},
     tile::{TileIndex, TileRuns},
-    wire::message::Phase,
 };
 
 /// Puts back what an attempt left that failed or fell silent: in smaller leases, or charged. A tile that is quarantined by that is its job's
@@ -28,9 +27,9 @@ pub(super) async fn suspect(c: &mut Tx, of: &AttemptRow, rest: &TileRuns, reason
     let Some(tile) = poison else { return Ok(()) };
     let query = sql("SELECT on_poison, places FROM jobs WHERE id = $1").bind(of.job.to_string());
     let Some(row) = c.one(query).await? else { return Ok(()) };
-    let on_poison: OnPoison = from_json("what becomes of a poisoned job", &format!("\"{}\"", row.text("on_poison")?))?;
+    let on_poison = on_poison(&row.text("on_poison")?)?;
     let places: Vec<(u64, String)> = from_json("where surfaces begin", &row.text("places")?)?;
-    let problem = said(&places, of.phase, tile, reason);
+    let problem = lease::poisoned(&shard.charges, of.phase, tile, place(&places, tile), reason);
     // Boxed: what follows may end other attempts, which comes back here in type, though never in fact.
     let event = job::Event::Quarantined { phase: of.phase, on_poison, problem: problem.clone() };
     let happened = Box::pin(jobs::happen(c, of.job, &event, now)).await?;
@@ -40,11 +39,10 @@ pub(super) async fn suspect(c: &mut Tx, of: &AttemptRow, rest: &TileRuns, reason
     Ok(())
 }
 
-fn said(places: &[(u64, String)], phase: Phase, tile: TileIndex, reason: &str) -> Problem {
-    let place = places.iter().rev().find(|(first, _)| *first <= tile.0);
-    let place = place.map_or_else(String::new, |(first, name)| format!(" (tile {} of surface `{name}`)", tile.0 - first));
-    let message = format!("tile {tile} of {phase}{place} was given up after every worker that tried it failed; the last one: {reason}");
-    Problem { message, file: None, line: None }
+/// The surface of a tile and its number among the tiles of that surface; nothing before the surfaces are laid out.
+fn place(places: &[(u64, String)], tile: TileIndex) -> Option<(&str, u64)> {
+    let (first, name) = places.iter().rev().find(|(first, _)| *first <= tile.0)?;
+    Some((name, tile.0 - first))
 }
 
 /// Another worker managed a tile that this one had failed; one too many of them bars it.
@@ -59,7 +57,7 @@ pub(super) async fn refute(c: &mut Tx, worker: WorkerId, by: &AttemptRow, tile: 
     c.run(query.bind(refuted.to_string()).bind(barred).bind(worker.to_string())).await?;
     if let (Some(reason), None) = (reason, row.maybe_text("barred")?) {
         let message = format!("worker {worker} is barred: {reason}");
-        jobs::add_problem(c, by.job, &Problem { message, file: None, line: None }, now).await?;
+        jobs::add_problem(c, by.job, &Problem::new(message), now).await?;
     }
     Ok(())
 }
@@ -78,9 +76,8 @@ mod tests {
     #[test]
     fn a_quarantined_tile_is_named_by_its_surface() {
         let places = [(0, "floor".to_owned()), (20, "lamp".to_owned())];
-        let text = |tile| said(&places, Phase::Bake, TileIndex(tile), "out of memory").message;
-        assert!(text(19).contains("tile 19 of surface `floor`") && text(19).ends_with("the last one: out of memory"));
-        assert!(text(22).contains("tile 22 of bake (tile 2 of surface `lamp`)"), "{}", text(22));
-        assert!(!said(&[], Phase::Bake, TileIndex(1), "x").message.contains("surface"));
+        assert_eq!(place(&places, TileIndex(19)), Some(("floor", 19)));
+        assert_eq!(place(&places, TileIndex(22)), Some(("lamp", 2)));
+        assert_eq!(place(&[], TileIndex(1)), None);
     }
 }

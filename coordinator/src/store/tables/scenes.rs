@@ -86,7 +86,7 @@ async fn reject(c: &mut Tx, id: Uuid, problems: &[Problem], now: UnixMillis) -> 
 
 /// Why a job of a rejected scene fails.
 pub(super) fn rejected(problems: &[Problem]) -> Problem {
-    problems.first().cloned().unwrap_or(Problem { message: "the scene was rejected".into(), file: None, line: None })
+    problems.first().cloned().unwrap_or(Problem::new("the scene was rejected"))
 }
 
 async fn wake_jobs(c: &mut Tx, id: Uuid, scene: Option<SceneHash>, event: &job::Event, now: UnixMillis) -> Result<(), StoreError> {

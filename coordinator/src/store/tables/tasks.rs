@@ -84,7 +84,7 @@ pub(in super::super) async fn expire(c: &mut Tx, now: UnixMillis) -> Result<u64,
         }
         expired += 1;
         let message = format!("{} was begun {tries} times and never ended; the coordinator seems to die of it", name(task));
-        settle(c, task, &TaskResult::Failed(Problem { message, file: None, line: None }), now).await?;
+        settle(c, task, &TaskResult::Failed(Problem::new(message)), now).await?;
     }
     Ok(expired)
 }
@@ -150,7 +150,7 @@ async fn settle(c: &mut Tx, task: Task, result: &TaskResult, now: UnixMillis) ->
         TaskResult::Failed(problem) => job::Event::Fail(problem.clone()),
         // A job whose loss was noticed by another task first has recalled this one, which then never comes here.
         TaskResult::Lost(phase, blob) if lost::lose(c, id, *phase, *blob, now).await? => return Ok(()),
-        TaskResult::Lost(_, blob) => job::Event::Fail(Problem { message: format!("the blob {blob} is gone"), file: None, line: None }),
+        TaskResult::Lost(_, blob) => job::Event::Fail(Problem::new(format!("the blob {blob} is gone"))),
         TaskResult::Imported { .. } | TaskResult::Rejected(_) => return Ok(()),
     };
     match jobs::happen(c, id, &event, now).await? {

@@ -20,6 +20,18 @@ async fn a_token_that_asks_too_often_is_told_when_to_come_back_and_others_are_no
 }
 
 #[tokio::test]
+async fn what_is_forbidden_is_counted_too() {
+    let bench = Bench::frozen(AccessConfig { requests_per_s: 1, burst: 2, ..AccessConfig::default() }).await;
+    let (reader, submitter) = (bench.holder(&[Role::Read]).await, bench.holder(&[Role::Submit]).await);
+    for (holder, method, path) in [(&reader, "POST", "/v1/jobs"), (&submitter, "POST", "/v1/worker/hello")] {
+        for _ in 0..2 {
+            assert_eq!(bench.by(holder, method, path).await.problem().1, "forbidden");
+        }
+        assert_eq!(bench.by(holder, method, path).await.problem().1, "too-many-requests", "{path}");
+    }
+}
+
+#[tokio::test]
 async fn an_address_that_guesses_is_refused_before_it_is_asked_who_it_is() {
     let bench = Bench::frozen(AccessConfig::default()).await;
     let (known, fresh) = (bench.holder(&[Role::Read]).await, bench.holder(&[Role::Read]).await);

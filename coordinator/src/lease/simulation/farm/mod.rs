@@ -230,7 +230,7 @@ impl Farm {
         let suspicion = Suspicion { leased: lease.run, rest: tiles, worker: lease.worker, connected };
         let Some(tile) = bake.shards[(lease.run.start / SHARD) as usize].suspect(&suspicion) else { return Ok(()) };
         let on_poison = bake.on_poison;
-        let problem = Problem { message: format!("tile {tile} kills workers"), file: None, line: None };
+        let problem = Problem::new(format!("tile {tile} kills workers"));
         self.oracle.met.insert(if on_poison == OnPoison::Skip { "a hole" } else { "a job failed for a tile" });
         let fits = self.happen(lease.job, &job::Event::Quarantined { phase: lease.phase, on_poison, problem })?;
         if fits { Ok(()) } else { Err(format!("tile {tile} was quarantined, and the job did not hear of it")) }
