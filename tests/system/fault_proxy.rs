@@ -48,8 +48,10 @@ pub(crate) type Rule = dyn Fn(u64, &Method, &Uri) -> Option<Fault> + Send + Sync
 pub(crate) struct TcpFaults {
     /// Each begins this much later.
     pub(crate) delay: Duration,
-    /// Whichever is at work when all together have carried another so many bytes, both ways, is cut: how many connections a client keeps,
-    /// and for how long, changes nothing about the number of cuts.
+    /// Whichever is at work when all together have carried so many bytes, both ways, is cut: how many connections a client keeps, and for
+    /// how long, changes nothing about the number of cuts.
+    pub(crate) first_cut: u64,
+    /// And again whenever so many more have been carried. It must let through what is asked for at once, or that never comes through.
     pub(crate) cut_every: u64,
 }
 
@@ -74,7 +76,7 @@ impl FaultProxy {
     /// Passes bytes on to `upstream`, but for the faults.
     pub(crate) fn tcp(upstream: SocketAddr, faults: TcpFaults) -> Self {
         Self::start(|listener, count| async move {
-            let toll = Arc::new(Toll { carried: AtomicU64::new(0), cut_every: faults.cut_every });
+            let toll = Arc::new(Toll { left: AtomicU64::new(faults.first_cut), cut_every: faults.cut_every });
             while let Ok((client, _)) = listener.accept().await {
                 let (count, toll) = (Arc::clone(&count), Arc::clone(&toll));
                 tokio::spawn(async move {
@@ -175,17 +177,17 @@ enum Ended {
     Cut,
 }
 
-/// What all connections of a proxy have carried.
+/// What all connections of a proxy may carry until the next cut.
 struct Toll {
-    carried: AtomicU64,
+    left: AtomicU64,
     cut_every: u64,
 }
 
 impl Toll {
     /// Whether these bytes are the ones too many.
     fn is_due(&self, length: u64) -> bool {
-        let before = self.carried.fetch_add(length, Ordering::SeqCst);
-        before / self.cut_every != (before + length) / self.cut_every
+        let pay = |left: u64| Some(left.checked_sub(length).unwrap_or(self.cut_every));
+        self.left.fetch_update(Ordering::SeqCst, Ordering::SeqCst, pay).is_ok_and(|left| left < length)
     }
 }
 

@@ -31,9 +31,9 @@ pub struct Claim<'a> {
     pub job: JobId,
     /// Its priority.
     pub priority: i32,
-    /// Its tiles that wait.
+    /// Its tiles that wait, for a worker or for a second one.
     pub pending: u64,
-    /// Its work that is leased now, texels.
+    /// Its leases that are held now.
     pub leased: u64,
     /// Whose it is, where that is known.
     pub owner: Option<&'a str>,
@@ -64,7 +64,7 @@ struct Level {
 }
 
 impl Ledger {
-    /// The job whose tiles go next, of all jobs that bake. Owners whose leased work has reached `limit` texels wait.
+    /// The job whose tiles go next, of all jobs that bake. Owners that hold `limit` leases wait.
     pub fn choose(&mut self, claims: &[Claim<'_>], limit: Option<u64>) -> Option<JobId> {
         let within = |claim: &&Claim<'_>| claim.pending > 0 && limit.is_none_or(|most| leased(claims, claim) < most);
         let waiting: Vec<&Claim<'_>> = claims.iter().filter(within).collect();
@@ -111,7 +111,7 @@ fn level(priority: i32) -> i32 {
     priority.clamp(-CLAMP, CLAMP)
 }
 
-/// What an owner has leased in all its jobs; where a job has no owner, what the job has leased.
+/// Leases of an owner in all its jobs; where a job has no owner, those of the job.
 fn leased(claims: &[Claim<'_>], of: &Claim<'_>) -> u64 {
     let same = |c: &&Claim<'_>| if of.owner.is_some() { c.owner == of.owner } else { c.job == of.job };
     claims.iter().filter(same).fold(0, |sum, c| sum.saturating_add(c.leased))

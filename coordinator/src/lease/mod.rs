@@ -3,7 +3,8 @@
 //!
 //! | module | decides |
 //! |---|---|
-//! | `state` | what may happen to an attempt |
+//! | `kind` | what an attempt is for |
+//! | `state` | what may happen to it |
 //! | `shard` | which tiles wait, are leased, done, quarantined |
 //! | `policy` | how many tiles a worker gets |
 //! | `fair` | whose tiles go first |
@@ -12,6 +13,7 @@
 //! | `verify` | which tiles are baked twice, and who lied |
 
 mod fair;
+mod kind;
 mod poison;
 mod policy;
 pub(crate) mod rule;
@@ -24,6 +26,7 @@ mod twin;
 mod verify;
 
 pub use fair::{Claim, Ledger};
+pub use kind::Kind;
 pub use poison::{BAR_AFTER, CHARGES, Ceilings, Charges, Refuted, Suspicion, poisoned};
 pub use policy::{Sizing, Speeds, run_length};
 pub use shard::{Accepted, SHARD_TILES, Shard, shard_of};

@@ -65,6 +65,18 @@ impl Checks {
         self.0.keys().copied().collect()
     }
 
+    /// How many of them nobody is asked about.
+    #[must_use]
+    pub fn unasked(&self) -> u64 {
+        self.0.values().filter(|check| check.asked.is_none()).count() as u64
+    }
+
+    /// Whether a tile is not yet believed.
+    #[must_use]
+    pub fn is_open(&self, tile: TileIndex) -> bool {
+        self.0.contains_key(&tile)
+    }
+
     /// A tile that is to be checked was accepted.
     pub fn open(&mut self, tile: TileIndex, worker: WorkerId, digest: Digest) {
         self.0.insert(tile, Check { opinions: vec![(worker, digest)], asked: None });

@@ -3,7 +3,7 @@
 use super::{
     super::{Attempt, Event},
     Dice, Promise, Slip,
-    farm::{Coordinator, Farm, Kind, TTL},
+    farm::{Coordinator, Farm, TTL},
 };
 use crate::job::{self, Job, JobTask};
 use kiln_proto::{

@@ -3,7 +3,7 @@
 use super::{
     super::{Accepted, Attempt, Event},
     Promise,
-    farm::{CAP, Farm, Kind, Lease, SHARD},
+    farm::{CAP, Farm, Lease, SHARD},
 };
 use crate::job::{Job, OnPoison};
 use kiln_proto::{

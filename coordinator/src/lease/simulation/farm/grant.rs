@@ -82,10 +82,9 @@ impl Farm {
             let bake = &self.jobs[j];
             let held = self.leases.iter().filter(|l| l.job == j && Some(l.phase) == bake.open && l.kind != Kind::Check);
             let running = |l: &Lease| {
-                let twin_of = if let Kind::Twin(of) = l.kind { Some(of) } else { None };
                 let (remaining, ceilings) = (l.remaining()?.clone(), &bake.shards[(l.run.start / SHARD) as usize].ceilings);
                 let suspected = remaining.iter().any(|tile| ceilings.of(tile).is_some());
-                Some(Running { token: l.token, worker: l.worker, since: l.since, cost: l.run.len() * COST, remaining, twin_of, suspected })
+                Some(Running { token: l.token, worker: l.worker, since: l.since, cost: l.run.len() * COST, remaining, twin_of: l.kind.twin_of(), suspected })
             };
             let running: Vec<Running> = held.filter_map(running).collect();
             let pending = bake.shards.iter().map(|shard| shard.pending.len()).sum();

@@ -5,7 +5,7 @@ mod grant;
 
 use super::{
     super::{
-        Accepted, Action, Attempt, Charges, Checks, Claim, Event, Field, Finished, Ledger, Refuted, Running, Shard, Suspicion, Verdict,
+        Accepted, Action, Attempt, Charges, Checks, Claim, Event, Field, Finished, Kind, Ledger, Refuted, Running, Shard, Suspicion, Verdict,
         is_checked,
     },
     Dice, Promise, Slip,
@@ -49,13 +49,6 @@ pub(super) struct Bake {
     pub(super) segments: BTreeMap<u64, (WorkerId, Digest)>,
     pub(super) tasks: Vec<JobTask>,
     finished: Vec<Finished>,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Kind {
-    Work,
-    Twin(Token),
-    Check,
 }
 
 /// One row of attempts.
