@@ -8,7 +8,8 @@ use crate::{
     fetch::{self, Content, OutputFolder},
     host::{Host, asked_to_stop},
     import_args::ImportArgs,
-    output, progress, submit,
+    output, progress,
+    submit::{self, Wishes},
 };
 use clap::Args;
 use kiln_coordinator::{
@@ -16,10 +17,7 @@ use kiln_coordinator::{
     records::{JobRecord, JobState},
 };
 use kiln_proto::ids::JobId;
-use std::{
-    collections::BTreeMap,
-    path::{Path, PathBuf},
-};
+use std::path::{Path, PathBuf};
 
 /// Bake scenes on this machine
 #[derive(Debug, Args)]
@@ -61,7 +59,7 @@ pub async fn run(args: &BakeArgs, json: bool) -> Result<(), CommandError> {
     let mut delivered = Vec::new();
     let work = async {
         for ((scene, target), bundle) in targets.iter().zip(bundles) {
-            let job = submit::create(&api, &bundle, settings.clone(), 0, BTreeMap::new()).await.map_err(Failure::Bake)?;
+            let job = submit::create(&api, &bundle, settings.clone(), Wishes::default()).await.map_err(Failure::Bake)?;
             let done = progress::follow(&api, job.id).await.and_then(finished).map_err(Failure::Bake)?;
             fetch::deliver(&api, done.id, args.content, target).await.map_err(|e| Failure::Delivery(done.id, e))?;
             delivered.push(target.display().to_string());

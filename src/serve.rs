@@ -34,6 +34,12 @@ pub struct ServeArgs {
     /// Threads of each worker; 0 for all cores [default: 0]
     #[arg(long, value_name = "N")]
     threads: Option<u32>,
+    /// The share of tiles that two workers bake, so that their bytes can be compared, in [0, 1]; a job may ask for another [default: 0]
+    #[arg(long, value_name = "SHARE")]
+    verify: Option<f64>,
+    /// Leases that the jobs of one token hold at a time, at most; without tokens, each job [default: no bound]
+    #[arg(long, value_name = "N")]
+    leases_per_token: Option<u64>,
     /// A configuration file; flags override it
     #[arg(long, value_name = "FILE.toml", env = "KILN_CONFIG")]
     config: Option<PathBuf>,
@@ -57,6 +63,8 @@ impl ServeArgs {
         config.listen = self.listen.unwrap_or(config.listen);
         config.workers = self.workers.unwrap_or(config.workers);
         config.worker_threads = self.threads.unwrap_or(config.worker_threads);
+        config.verify = self.verify.unwrap_or(config.verify);
+        config.lease.per_token = self.leases_per_token.or(config.lease.per_token);
         if let Some(data) = &self.data {
             config.data_dir.clone_from(data);
         }

@@ -28,6 +28,9 @@ pub struct SubmitArgs {
     /// Jobs of higher priority go first
     #[arg(long, value_name = "N", default_value_t = 0, allow_hyphen_values = true)]
     priority: i32,
+    /// The share of its tiles that two workers bake, so that their bytes can be compared, in [0, 1]; the service's own where nothing is said
+    #[arg(long, value_name = "SHARE")]
+    verify: Option<f64>,
     /// A label for your own use; may be repeated
     #[arg(long, value_name = "KEY=VALUE", value_parser = label)]
     label: Vec<(String, String)>,
@@ -48,9 +51,10 @@ pub async fn run(args: &SubmitArgs, json: bool) -> Result<(), CommandError> {
     let api = args.server.api()?;
     let scratch = scratch()?;
     let labels: BTreeMap<_, _> = args.label.iter().cloned().collect();
+    let wishes = Wishes { priority: args.priority, labels, verify: args.verify };
     for scene in &args.scenes {
         let scene = collect(scene, &args.import, scratch.path())?;
-        let job = create(&api, &scene, settings.clone(), args.priority, labels.clone()).await?;
+        let job = create(&api, &scene, settings.clone(), wishes.clone()).await?;
         if json {
             output::json(&serde_json::json!({"id": job.id}))?;
         } else {
@@ -63,19 +67,25 @@ pub async fn run(args: &SubmitArgs, json: bool) -> Result<(), CommandError> {
     Ok(())
 }
 
+/// What is asked of a job beside its settings.
+#[derive(Debug, Clone, Default)]
+pub struct Wishes {
+    /// Higher goes first.
+    pub priority: i32,
+    /// The client's own.
+    pub labels: BTreeMap<String, String>,
+    /// The share of its tiles that two workers bake.
+    pub verify: Option<f64>,
+}
+
 /// Uploads a scene and creates its job; warnings of the import go to stderr.
-pub async fn create(
-    api: &Api,
-    scene: &Collected,
-    settings: SettingsPatch,
-    priority: i32,
-    labels: BTreeMap<String, String>,
-) -> Result<JobRecord, CommandError> {
+pub async fn create(api: &Api, scene: &Collected, settings: SettingsPatch, wishes: Wishes) -> Result<JobRecord, CommandError> {
     let record = api.upload(&scene.bundle, &scene.options).await?;
     for warning in &record.warnings {
         eprintln!("warning: {warning}");
     }
-    api.create_job(&NewJob { scene: record.id.to_string(), settings, priority, labels }).await
+    let Wishes { priority, labels, verify } = wishes;
+    api.create_job(&NewJob { scene: record.id.to_string(), settings, priority, labels, verify }).await
 }
 
 /// A scene as it is on its way to an import.

@@ -28,6 +28,8 @@ pub struct Config {
     pub worker_threads: u32,
     /// How leases are sized and how long they live.
     pub lease: LeaseConfig,
+    /// The share of tiles that two workers bake, in [0, 1], for jobs that do not ask for another.
+    pub verify: f64,
     /// How chunks are closed and bounded.
     pub chunks: ChunkConfig,
     /// How long things are kept.
@@ -56,6 +58,9 @@ pub struct LeaseConfig {
     pub hard_cap_ms: u64,
     /// The longest long poll for work, milliseconds.
     pub poll_ms: u64,
+    /// Leases that the jobs of one token hold at a time, at most; no bound where nothing is said. Without tokens it bounds each job.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub per_token: Option<u64>,
     /// From which end pending tiles are leased. Results never depend on it; the choice exists so that tests can show that.
     pub order: LeaseOrder,
 }
@@ -123,6 +128,7 @@ impl Default for Config {
             workers: 1,
             worker_threads: 0,
             lease: LeaseConfig::default(),
+            verify: 0.0,
             chunks: ChunkConfig::default(),
             keep: KeepConfig::default(),
             sandbox: SandboxConfig::default(),
@@ -141,6 +147,7 @@ impl Default for LeaseConfig {
             target_ms: 10_000,
             hard_cap_ms: 3_600_000,
             poll_ms: 30_000,
+            per_token: None,
             order: LeaseOrder::default(),
         }
     }
@@ -232,6 +239,8 @@ impl Config {
             format!("lease.hard_cap_ms: {} is below lease.ttl_ms, {}", lease.hard_cap_ms, lease.ttl_ms),
         );
         require(lease.poll_ms <= 300_000, format!("lease.poll_ms: {} is above 300000", lease.poll_ms));
+        require(lease.per_token != Some(0), "lease.per_token: 0 would lease nothing; leave it out for no bound".into());
+        require((0.0..=1.0).contains(&self.verify), format!("verify: {} is not between 0 and 1", self.verify));
         require(
             (1..=kiln_proto::limits::CHUNK_BYTES).contains(&chunks.bytes),
             format!("chunks.bytes: {} is not between 1 and {}", chunks.bytes, kiln_proto::limits::CHUNK_BYTES),

@@ -186,6 +186,11 @@ pub struct NewJob {
     /// For the client's own use.
     #[serde(default)]
     pub labels: BTreeMap<String, String>,
+    /// The share of its tiles that two workers bake and whose bytes are compared, in [0, 1]; what the service is configured for, where
+    /// nothing is said. A worker that disagrees with two others is barred, and what it baked is baked again.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(minimum = 0, maximum = 1)]
+    pub verify: Option<f64>,
 }
 
 /// What is to be changed of a job; what is not named stays.
@@ -246,6 +251,8 @@ pub struct Progress {
     pub tiles: u64,
     /// Of them, done.
     pub tiles_done: u64,
+    /// Of those that are done, tiles that a second worker must bake before they count.
+    pub tiles_unverified: u64,
     /// Covered texels of the job.
     pub texels: u64,
     /// Of the current phase's cost (texels with gutters), what is done, in [0, 1].

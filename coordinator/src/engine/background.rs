@@ -39,7 +39,7 @@ async fn sweep(core: Arc<Core>) {
     }
 }
 
-/// Lets everything expire whose time has come, and notes who is here.
+/// Lets everything expire whose time has come, notes who is here, and gives up waiting for checks that nobody can make.
 pub(super) async fn expire(core: &Core) {
     core.present_workers();
     roster::write(core).await;
@@ -52,6 +52,14 @@ pub(super) async fn expire(core: &Core) {
         }
         Ok(_) => {}
         Err(error) => tracing::error!(%error, "looking for expired leases failed"),
+    }
+    match core.store.waive_checks(core.now()).await {
+        Ok(0) => {}
+        Ok(tiles) => {
+            tracing::warn!(tiles, "nobody could check these tiles; they count as they are");
+            core.signals.everything();
+        }
+        Err(error) => tracing::error!(%error, "looking for checks that nobody can make failed"),
     }
 }
 

@@ -125,9 +125,13 @@ impl Core {
 
     /// Workers that were heard lately; a waiting worker is silent for as long as it polls.
     pub(super) fn present_workers(&self) -> u64 {
-        let silence = self.config.lease.ttl_ms + self.config.lease.poll_ms;
         let now = self.now();
-        self.meter().present(now - silence as i64, now)
+        self.meter().present(now - self.silence(), now)
+    }
+
+    /// After so long without a word a worker is not connected any more, milliseconds.
+    pub(super) fn silence(&self) -> i64 {
+        (self.config.lease.ttl_ms + self.config.lease.poll_ms) as i64
     }
 
     /// Stores bytes as one zstd frame.

@@ -2,20 +2,22 @@
 //!
 //! All workers that wait are served together: one look at what is pending, one transaction for all their leases. Were each to claim for
 //! itself, sixty-four of them would meet on the same row, and most would be sent away while there is plenty. What another coordinator took
-//! meanwhile is looked for again, until everybody is served or nothing is pending: nobody is sent away while work waits.
+//! meanwhile is looked for again, until everybody is served or nothing is pending: nobody is sent away while work waits. Whose tiles go next
+//! is the ledger's to say; whoever is left idle may bake along with a late attempt.
 
 use super::{
     EngineError,
     core::Core,
-    leases::{busy, size},
+    leases::busy,
+    offers::{self, Offer},
 };
 use crate::{
-    lease,
+    lease::{self, Ledger},
     records::WorkerRecord,
-    store::{Candidate, Grant},
+    store::Grant,
 };
 use kiln_proto::{
-    ids::Token,
+    ids::JobId,
     tile::TileRun,
     wire::message::{LeaseGrant, Refusal},
 };
@@ -36,14 +38,19 @@ const MOST: usize = 64;
 /// failed and another must try.
 const ROUNDS: u32 = 3;
 
+/// How often late attempts are looked for while workers are idle.
+const TWINS_EVERY: Duration = Duration::from_millis(500);
+
 /// How a wait ends: with a lease, or with word to come back.
 type Answer = Result<LeaseGrant, Refusal>;
 
-struct Waiting {
-    worker: WorkerRecord,
+pub(super) struct Waiting {
+    pub(super) worker: WorkerRecord,
     answer: oneshot::Sender<Answer>,
     /// Told once that there was nothing: nobody's patience ends before somebody has looked.
     looked: Option<oneshot::Sender<()>>,
+    /// Jobs whose work it was offered in this look and did not get: others come first for it.
+    pub(super) in_vain: Vec<JobId>,
 }
 
 /// A place in the queue. Dropping it leaves the queue.
@@ -72,15 +79,37 @@ impl Place {
 pub(super) struct Dispatch {
     queue: Mutex<VecDeque<Waiting>>,
     arrived: Notify,
+    /// Who has had how much.
+    ledger: Mutex<Ledger>,
+    /// When late attempts were last looked for.
+    looked: Mutex<Option<Instant>>,
 }
 
 impl Dispatch {
     /// Puts a worker at the end of the queue.
     pub(super) fn queue_up(&self, worker: WorkerRecord) -> Place {
         let ((answer, answered), (look, looked)) = (oneshot::channel(), oneshot::channel());
-        self.queue().push_back(Waiting { worker, answer, looked: Some(look) });
+        self.queue().push_back(Waiting { worker, answer, looked: Some(look), in_vain: Vec::new() });
         self.arrived.notify_one();
         Place { answer: answered, looked }
+    }
+
+    pub(super) fn ledger(&self) -> std::sync::MutexGuard<'_, Ledger> {
+        self.ledger.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Whether it is time to look for late attempts again; if so it is not, for a while.
+    fn may_look_for_twins(&self) -> bool {
+        let mut looked = self.looked.lock().unwrap_or_else(PoisonError::into_inner);
+        let due = looked.is_none_or(|at| at.elapsed() >= TWINS_EVERY);
+        if due {
+            *looked = Some(Instant::now());
+        }
+        due
+    }
+
+    fn is_empty(&self) -> bool {
+        self.queue().is_empty()
     }
 
     fn queue(&self) -> std::sync::MutexGuard<'_, VecDeque<Waiting>> {
@@ -105,6 +134,7 @@ impl Dispatch {
     fn put_back(&self, waiting: Vec<Waiting>) {
         let mut queue = self.queue();
         for mut one in waiting.into_iter().rev() {
+            one.in_vain.clear();
             if let Some(looked) = one.looked.take() {
                 let _ = looked.send(());
             }
@@ -124,6 +154,8 @@ pub(super) async fn run(core: Arc<Core>) {
         tokio::select! {
             () = work => {}
             () = core.dispatch.arrived.notified() => {}
+            // Attempts become late by themselves.
+            () = tokio::time::sleep(TWINS_EVERY), if !core.dispatch.is_empty() => {}
             () = stop => {}
         }
     }
@@ -155,72 +187,56 @@ async fn serve_all(core: &Arc<Core>) {
 /// Serves workers of one bake version; those for whom there is nothing come back.
 async fn serve(core: &Arc<Core>, mut waiting: Vec<Waiting>) -> Result<Vec<Waiting>, (Vec<Waiting>, EngineError)> {
     let mut in_vain = 0;
-    while let Some(first) = waiting.first().filter(|_| in_vain < ROUNDS) {
-        let version = first.worker.bake_version;
-        let candidates = match core.store.next_work(version, waiting.len()).await {
-            Ok(candidates) => candidates,
-            Err(error) => return Err((waiting, error.into())),
-        };
-        if candidates.is_empty() {
-            break;
-        }
-        let grants = match portion(core, &waiting, candidates).await {
-            Ok(grants) => grants,
+    while !waiting.is_empty() && in_vain < ROUNDS {
+        let offers = match offers::of_work(core, &waiting).await {
+            Ok(offers) => offers,
             Err(error) => return Err((waiting, error)),
         };
-        let asked: Vec<Grant> = grants.iter().map(|(grant, _)| *grant).collect();
-        let granted = match core.store.grant(&asked, core.now()).await {
-            Ok(granted) => granted,
-            Err(error) => return Err((waiting, error.into())),
-        };
-        in_vain = if granted.iter().any(Option::is_some) { 0 } else { in_vain + 1 };
-        let rest = waiting.split_off(grants.len().min(waiting.len()));
-        let mut left = Vec::new();
-        for ((one, (grant, candidate)), run) in waiting.into_iter().zip(grants).zip(granted) {
-            match run {
-                Some(tiles) => answer(core, one, &grant, &candidate, tiles).await,
-                // Other coordinators took the whole shard meanwhile, or it must not have what is left.
-                None => left.push(one),
-            }
+        if offers.iter().all(Option::is_none) {
+            break;
         }
-        left.extend(rest);
-        waiting = left;
+        let before = waiting.len();
+        waiting = grant(core, waiting, offers).await?;
+        in_vain = if waiting.len() < before { 0 } else { in_vain + 1 };
     }
-    Ok(waiting)
+    if waiting.is_empty() || !core.dispatch.may_look_for_twins() {
+        return Ok(waiting);
+    }
+    match offers::of_twins(core, &waiting).await {
+        Ok(offers) if offers.iter().all(Option::is_none) => Ok(waiting),
+        Ok(offers) => grant(core, waiting, offers).await,
+        Err(error) => Err((waiting, error)),
+    }
 }
 
-/// Shares the candidates out, as far as they reach: a lease for each of the first workers.
-async fn portion(core: &Core, waiting: &[Waiting], candidates: Vec<Candidate>) -> Result<Vec<(Grant, Candidate)>, EngineError> {
-    let (now, lease) = (core.now(), &core.config.lease);
-    let mut candidates = VecDeque::from(candidates);
-    let mut pending = candidates.front().map_or(0, |first| first.pending);
-    let mut grants = Vec::with_capacity(waiting.len());
-    for one in waiting {
-        let Some(candidate) = candidates.front_mut() else { break };
-        candidate.pending = pending;
-        let run = size(core, &one.worker, candidate).await?;
-        pending = pending.saturating_sub(run.len());
-        let grant = Grant {
-            token: Token::random(),
-            worker: one.worker.id,
-            job: candidate.job,
-            phase: candidate.phase,
-            run,
-            deadline: now.saturating_add(lease.ttl_ms as i64),
-            cap: now.saturating_add(lease.hard_cap_ms as i64),
+/// Records what workers were offered, and tells them. Those that got nothing come back.
+async fn grant(core: &Arc<Core>, waiting: Vec<Waiting>, offers: Vec<Option<Offer>>) -> Result<Vec<Waiting>, (Vec<Waiting>, EngineError)> {
+    let asked: Vec<Grant> = offers.iter().flatten().map(|offer| offer.grant).collect();
+    let mut granted = match core.store.grant(&asked, core.now()).await {
+        Ok(granted) => granted.into_iter(),
+        Err(error) => return Err((waiting, error.into())),
+    };
+    let mut left = Vec::new();
+    for (mut one, offer) in waiting.into_iter().zip(offers) {
+        let Some(offer) = offer else {
+            left.push(one);
+            continue;
         };
-        grants.push((grant, *candidate));
-        let TileRun { start, end } = candidate.run;
-        candidate.run = if run.start == start { TileRun { start: run.end, end } } else { TileRun { start, end: run.start } };
-        if candidate.run.is_empty() {
-            candidates.pop_front();
+        match granted.next().flatten() {
+            Some(tiles) => answer(core, one, &offer, tiles).await,
+            // Other coordinators took all of it meanwhile, or it must not have what is left.
+            None => {
+                one.in_vain.push(offer.grant.job);
+                left.push(one);
+            }
         }
     }
-    Ok(grants)
+    Ok(left)
 }
 
 /// Sends a worker its lease. One that has gone meanwhile gives it back at once.
-async fn answer(core: &Core, waiting: Waiting, grant: &Grant, candidate: &Candidate, tiles: TileRun) {
+async fn answer(core: &Core, waiting: Waiting, offer: &Offer, tiles: TileRun) {
+    let Offer { grant, candidate } = offer;
     let lease = LeaseGrant {
         token: grant.token,
         job: grant.job,

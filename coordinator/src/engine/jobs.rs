@@ -7,7 +7,14 @@ use crate::{
     records::{JobChange, JobRecord, NewJob, Problem, SceneState},
     store::{JobSpec, SceneRow},
 };
-use kiln_proto::{BAKE_VERSION, ids::JobId, limits, plan::Plan, settings::BakeSettings, wire::message::Phase};
+use kiln_proto::{
+    BAKE_VERSION,
+    ids::{JobId, Token},
+    limits,
+    plan::Plan,
+    settings::BakeSettings,
+    wire::message::Phase,
+};
 use std::sync::Arc;
 
 /// Labels of one job.
@@ -36,14 +43,19 @@ impl Engine {
             bake_version: BAKE_VERSION,
             on_poison: OnPoison::Fail,
             owner: by.owner(),
+            verify: new.verify.unwrap_or(self.core.config.verify),
+            secret: Token::random().to_string(),
         };
         let row = self.core.store.add_job(&spec, self.now()).await?;
         self.core.signals.tasks.notify_waiters();
-        Ok(progress::record(&self.core, row))
+        progress::one(&self.core, row).await
     }
 
     async fn validate(&self, new: &NewJob, by: &Principal) -> Result<(SceneRow, BakeSettings), EngineError> {
         let settings = new.settings.resolve().map_err(|e| EngineError::invalid(e.to_string()))?;
+        if new.verify.is_some_and(|share| !(0.0..=1.0).contains(&share)) {
+            return Err(EngineError::invalid("verify: the share of tiles that two workers bake lies between 0 and 1"));
+        }
         let long = |text: &String| text.len() > limits::NAME_BYTES;
         if new.labels.len() > LABELS || new.labels.iter().any(|(k, v)| long(k) || long(v)) {
             return Err(EngineError::invalid(format!("labels: at most {LABELS}, each name and value up to {} bytes", limits::NAME_BYTES)));
@@ -103,7 +115,7 @@ impl Engine {
     async fn seconds(&self, plan: &Plan, settings: &BakeSettings) -> Result<Option<f64>, EngineError> {
         // Measured on the thesis's room at depth 5: 460 million incident paths, gather and encoding included, in 350 core-seconds.
         const PATHS_PER_SECOND: f64 = 1_300_000.0;
-        let since = self.now() - (self.core.config.lease.ttl_ms + self.core.config.lease.poll_ms) as i64;
+        let since = self.now() - self.core.silence();
         let threads: u64 = self.core.store.workers(since).await?.iter().map(|w| u64::from(w.threads)).sum();
         let paths = plan.covered() as f64 * f64::from(settings.samples);
         Ok((threads > 0).then(|| paths / (PATHS_PER_SECOND * threads as f64)))
@@ -115,7 +127,7 @@ impl Engine {
     /// [`EngineError::NotFound`].
     pub async fn job(&self, job: JobId) -> Result<JobRecord, EngineError> {
         let row = self.core.store.job(job).await?.ok_or_else(|| not_found(job))?;
-        Ok(progress::record(&self.core, row))
+        progress::one(&self.core, row).await
     }
 
     /// Some jobs, youngest first.
@@ -129,7 +141,7 @@ impl Engine {
         let more = rows.len() > limit as usize;
         rows.truncate(limit as usize);
         let next = rows.last().filter(|_| more).map(|row| row.spec.id);
-        Ok(JobPage { jobs: rows.into_iter().map(|row| progress::record(&self.core, row)).collect(), next })
+        Ok(JobPage { jobs: progress::records(&self.core, rows).await?, next })
     }
 
     /// Cancels a job that has not ended; a job that has is left as it is.

@@ -4,16 +4,15 @@
 
 use super::{Engine, EngineError, core::Core, ports::problem, roster};
 use crate::{
-    config::LeaseOrder,
-    lease::{self, Attempt, Sizing, run_length},
+    lease::{self, Attempt},
     records::{Problem, WorkerRecord},
-    store::{Candidate, FinishOutcome},
+    store::FinishOutcome,
 };
 use kiln_proto::{
     BAKE_VERSION,
     ids::{JobId, Token, WorkerId},
     limits,
-    tile::{TileIndex, TileRun},
+    tile::TileRun,
     wire::{
         frame::PROTOCOL_VERSION,
         message::{Finish, Heartbeat, HeartbeatReply, Hello, LeaseGrant, LeaseRequest, Refusal, Welcome},
@@ -141,23 +140,4 @@ pub(super) async fn note_failure(core: &Core, job: JobId, message: String) -> Re
     core.store.add_problem(job, &Problem::new(message), core.now()).await?;
     core.signals.job_changed(job);
     Ok(())
-}
-
-/// How much of the candidate this worker gets.
-pub(super) async fn size(core: &Core, worker: &WorkerRecord, candidate: &Candidate) -> Result<TileRun, EngineError> {
-    let plan = core.plan(&candidate.plan).await?;
-    let speed = core.meter().speeds.of(worker.id, candidate.job, candidate.phase);
-    let sizing = Sizing {
-        target_ms: core.config.lease.target_ms,
-        speed,
-        threads: worker.threads,
-        pending: candidate.pending,
-        workers: core.present_workers(),
-    };
-    let TileRun { start, end } = candidate.run;
-    let cost = |t| plan.tile_cost(candidate.phase, TileIndex(t));
-    Ok(match core.config.lease.order {
-        LeaseOrder::Forward => TileRun { start, end: start + run_length(&sizing, (start..end).map(cost)) },
-        LeaseOrder::Reverse => TileRun { start: end - run_length(&sizing, (start..end).rev().map(cost)), end },
-    })
 }

@@ -1,16 +1,97 @@
 //! A job as clients see it: the stored row, plus what is known of the present moment.
 
-use super::{core::Core, space};
+use super::{EngineError, core::Core, space};
 use crate::{
-    job::Job,
+    job::{self, Ahead, Facts, Job},
     records::{JobRecord, JobState, Progress},
-    store::JobRow,
+    store::{ClaimRow, JobRow},
 };
+use std::collections::{BTreeMap, btree_map::Entry};
+
+/// What bears on every job at one moment.
+struct Moment {
+    /// Connected workers that are not barred, by bake version.
+    workers: BTreeMap<u32, u64>,
+    /// Connected workers that are barred, by bake version.
+    barred: BTreeMap<u32, u64>,
+    /// What waits of jobs that bake, by bake version.
+    claims: BTreeMap<u32, Vec<ClaimRow>>,
+    /// What is wrong with the storage for segments.
+    storage: Option<String>,
+}
+
+impl Moment {
+    async fn look(core: &Core, rows: &[JobRow]) -> Result<Self, EngineError> {
+        let mut moment = Self { workers: BTreeMap::new(), barred: BTreeMap::new(), claims: BTreeMap::new(), storage: storage(core) };
+        let baking = |row: &&JobRow| matches!(row.state, Job::Baking { .. });
+        if !rows.iter().any(|row| baking(&row)) {
+            return Ok(moment);
+        }
+        for worker in core.store.workers(core.now() - core.silence()).await? {
+            let count = if worker.barred.is_some() { &mut moment.barred } else { &mut moment.workers };
+            *count.entry(worker.bake_version).or_default() += 1;
+        }
+        for row in rows.iter().filter(baking) {
+            if let Entry::Vacant(unknown) = moment.claims.entry(row.spec.bake_version) {
+                unknown.insert(core.store.claims(row.spec.bake_version).await?);
+            }
+        }
+        Ok(moment)
+    }
+
+    /// Jobs that go before this one, the next one first.
+    fn ahead(&self, of: &JobRow) -> Vec<Ahead> {
+        let before = |c: &&ClaimRow| {
+            let waits = c.waiting + c.unasked > 0 && c.job != of.spec.id;
+            waits && (c.priority, std::cmp::Reverse(c.job)) > (of.spec.priority, std::cmp::Reverse(of.spec.id))
+        };
+        let mut ahead: Vec<&ClaimRow> = self.claims.get(&of.spec.bake_version).into_iter().flatten().filter(before).collect();
+        ahead.sort_by_key(|c| (std::cmp::Reverse(c.priority), c.job));
+        ahead.iter().map(|c| Ahead { job: c.job, tiles: c.waiting + c.unasked }).collect()
+    }
+
+    /// Why a job does not get on.
+    fn why(&self, row: &JobRow) -> Option<String> {
+        let version = row.spec.bake_version;
+        let left = match &row.state {
+            Job::Baking { left, .. } | Job::Paused { left, .. } => *left,
+            Job::Failed { retry: Some(retry), .. } => retry.left,
+            _ => 0,
+        };
+        let rest = left.saturating_sub(row.pending).saturating_sub(row.unchecked);
+        // What a job that failed has neither waiting nor done is what it failed for.
+        let (leased, quarantined) = if row.state.is_final() { (0, rest) } else { (rest, 0) };
+        job::why(&Facts {
+            state: &row.state,
+            put_off: row.put_off.as_deref(),
+            storage: self.storage.as_deref(),
+            bake_version: version,
+            workers: &self.workers,
+            barred: self.barred.get(&version).copied().unwrap_or(0),
+            pending: row.pending,
+            leased,
+            checks: row.unchecked,
+            quarantined,
+            ahead: &self.ahead(row),
+        })
+    }
+}
+
+/// The records of jobs.
+pub(super) async fn records(core: &Core, rows: Vec<JobRow>) -> Result<Vec<JobRecord>, EngineError> {
+    let moment = Moment::look(core, &rows).await?;
+    Ok(rows.into_iter().map(|row| record(core, &moment, row)).collect())
+}
 
 /// The record of a job.
-pub(super) fn record(core: &Core, row: JobRow) -> JobRecord {
+pub(super) async fn one(core: &Core, row: JobRow) -> Result<JobRecord, EngineError> {
+    let moment = Moment::look(core, std::slice::from_ref(&row)).await?;
+    Ok(record(core, &moment, row))
+}
+
+fn record(core: &Core, moment: &Moment, row: JobRow) -> JobRecord {
     let rates = core.meter().rates(row.spec.id, core.now());
-    let waiting = waiting(core, &row);
+    let waiting = moment.why(&row);
     let baking = matches!(row.state, Job::Baking { .. });
     let (cost, cost_done) = row.cost;
     let fraction = match row.state {
@@ -34,6 +115,7 @@ pub(super) fn record(core: &Core, row: JobRow) -> JobRecord {
         progress: Progress {
             tiles: row.tiles.0,
             tiles_done: row.tiles.1,
+            tiles_unverified: row.unchecked,
             texels: row.texels,
             fraction,
             rays: row.rays,
@@ -52,27 +134,8 @@ pub(super) fn record(core: &Core, row: JobRow) -> JobRecord {
     }
 }
 
-/// Why nothing happens, where nothing happens.
-fn waiting(core: &Core, row: &JobRow) -> Option<String> {
-    match row.state {
-        // A task of it waits for storage: nothing else would help.
-        _ if row.put_off.is_some() => row.put_off.clone(),
-        Job::Queued => Some("its scene is being imported".into()),
-        Job::Paused { .. } => Some("it is paused; `kiln resume` lets it go on".into()),
-        Job::Failed { retry: Some(_), .. } => Some("tiles of it were given up; mend the cause, and `kiln retry` bakes them again".into()),
-        Job::Baking { left: 0, .. } => None,
-        Job::Baking { .. } if full(core) => {
-            Some(format!("the disk of {} is full; workers are put off until there is room", core.config.data_dir.display()))
-        }
-        Job::Baking { .. } if row.workers == 0 => Some(match core.present_workers() {
-            0 => "no worker is connected; start one with `kiln work --join URL`".into(),
-            1 => "one worker is connected, it has not taken a tile of it yet".into(),
-            n => format!("{n} workers are connected, none has taken a tile of it yet"),
-        }),
-        _ => None,
-    }
-}
-
-fn full(core: &Core) -> bool {
-    space::free(&core.config.data_dir).is_ok_and(|free| free < core.config.reserve_bytes)
+fn storage(core: &Core) -> Option<String> {
+    let folder = &core.config.data_dir;
+    let full = space::free(folder).is_ok_and(|free| free < core.config.reserve_bytes);
+    full.then(|| format!("the disk of {} is full; workers are put off until there is room", folder.display()))
 }

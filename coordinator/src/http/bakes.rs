@@ -36,6 +36,9 @@ upload_query! {
         /// Higher goes first.
         #[serde(default)]
         priority: i32,
+        /// The share of its tiles that two workers bake, in [0, 1].
+        #[serde(default)]
+        verify: Option<f64>,
     }
 }
 
@@ -71,7 +74,7 @@ pub(super) async fn create(
     }
     let settings = given.or(part).unwrap_or_default();
     let scene = scenes::import(&app.engine, upload, options, caller.principal.owner()).await?;
-    let new = NewJob { scene: scene.id.to_string(), settings, priority: query.priority, labels: BTreeMap::new() };
+    let new = NewJob { scene: scene.id.to_string(), settings, priority: query.priority, labels: BTreeMap::new(), verify: query.verify };
     let job = app.engine.create_job(new, &caller.principal).await?;
     caller.note(Action::JobCreated, &job.id);
     Ok((StatusCode::CREATED, [(header::LOCATION, jobs::location(job.id))], Json(Bake { scene, job })))

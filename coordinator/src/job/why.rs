@@ -54,8 +54,10 @@ pub fn why(facts: &Facts<'_>) -> Option<String> {
     match facts.state {
         Job::Queued => Some("its scene is being imported".into()),
         Job::Preparing => Some("it is being prepared: its surfaces are laid out and cut into tiles".into()),
-        Job::Paused { .. } if facts.leased > 0 => Some(format!("it is paused ({} still leased); resume it to go on", tiles(facts.leased))),
-        Job::Paused { .. } => Some("it is paused; resume it to go on".into()),
+        Job::Paused { .. } if facts.leased > 0 => {
+            Some(format!("it is paused ({} still leased); `kiln resume` lets it go on", tiles(facts.leased)))
+        }
+        Job::Paused { .. } => Some("it is paused; `kiln resume` lets it go on".into()),
         Job::Baking { left: 0, phase, .. } => Some(format!("the results of phase {phase} are being merged")),
         Job::Baking { .. } => baking(facts),
         _ => None,
@@ -64,7 +66,7 @@ pub fn why(facts: &Facts<'_>) -> Option<String> {
 
 fn ended(facts: &Facts<'_>) -> Option<String> {
     let (Job::Failed { retry: Some(_), .. }, n) = (facts.state, facts.quarantined) else { return None };
-    Some(format!("{} in quarantine; mend the cause and retry the job to bake {} again", tiles(n), if n == 1 { "it" } else { "them" }))
+    Some(format!("{} in quarantine; mend the cause, and `kiln retry` bakes {} again", tiles(n), if n == 1 { "it" } else { "them" }))
 }
 
 fn baking(facts: &Facts<'_>) -> Option<String> {
@@ -153,8 +155,8 @@ mod tests {
             (Facts { state: &Job::Queued, ..base }, Some("its scene is being imported")),
             (Facts { state: &Job::Preparing, ..base }, Some("it is being prepared: its surfaces are laid out and cut into tiles")),
             (Facts { state: &Job::Preparing, put_off: Some("the disk is full"), ..base }, Some("the disk is full")),
-            (Facts { state: &PAUSED, ..base }, Some("it is paused; resume it to go on")),
-            (Facts { state: &PAUSED, leased: 2, ..base }, Some("it is paused (2 tiles still leased); resume it to go on")),
+            (Facts { state: &PAUSED, ..base }, Some("it is paused; `kiln resume` lets it go on")),
+            (Facts { state: &PAUSED, leased: 2, ..base }, Some("it is paused (2 tiles still leased); `kiln resume` lets it go on")),
             (Facts { state: &merging, ..base }, Some("the results of phase probe are being merged")),
             (Facts { storage: Some("the disk is full"), workers: &none, ..base }, Some("the disk is full")),
             (Facts { workers: &none, ..base }, Some("no worker is connected; start one with `kiln work --join URL`")),
@@ -176,7 +178,7 @@ mod tests {
             (Facts { state: &assembling, ..base }, None),
             (
                 Facts { state: &stopped, quarantined: 2, ..base },
-                Some("2 tiles in quarantine; mend the cause and retry the job to bake them again"),
+                Some("2 tiles in quarantine; mend the cause, and `kiln retry` bakes them again"),
             ),
             (Facts { state: &broken, ..base }, None),
             (Facts { state: &Job::Done, ..base }, None),

@@ -9,6 +9,7 @@
 //! The ledger lives in memory: a coordinator that restarts, or several of them, are each fair from now on, which is all that fairness
 //! needs. Counting in the database, the alternative, makes one hot row of every job for nothing that a bake's result depends on.
 
+use crate::auth::TokenId;
 use kiln_proto::ids::JobId;
 use std::collections::BTreeMap;
 
@@ -26,7 +27,7 @@ const SCALE: u128 = 1 << (2 * CLAMP);
 
 /// A job that bakes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Claim<'a> {
+pub struct Claim {
     /// The job. Ids are ordered by age.
     pub job: JobId,
     /// Its priority.
@@ -36,7 +37,7 @@ pub struct Claim<'a> {
     /// Its leases that are held now.
     pub leased: u64,
     /// Whose it is, where that is known.
-    pub owner: Option<&'a str>,
+    pub owner: Option<TokenId>,
 }
 
 /// What has been granted to whom, as far as it bears on who goes next.
@@ -65,9 +66,9 @@ struct Level {
 
 impl Ledger {
     /// The job whose tiles go next, of all jobs that bake. Owners that hold `limit` leases wait.
-    pub fn choose(&mut self, claims: &[Claim<'_>], limit: Option<u64>) -> Option<JobId> {
-        let within = |claim: &&Claim<'_>| claim.pending > 0 && limit.is_none_or(|most| leased(claims, claim) < most);
-        let waiting: Vec<&Claim<'_>> = claims.iter().filter(within).collect();
+    pub fn choose(&mut self, claims: &[Claim], limit: Option<u64>) -> Option<JobId> {
+        let within = |claim: &&Claim| claim.pending > 0 && limit.is_none_or(|most| leased(claims, claim) < most);
+        let waiting: Vec<&Claim> = claims.iter().filter(within).collect();
         self.arrive(&waiting);
         let present = || self.levels.iter().filter(|(priority, _)| waiting.iter().any(|c| level(c.priority) == **priority));
         let overdue = present().filter(|(_, l)| self.grants - l.served >= PATIENCE).min_by_key(|(_, l)| l.served);
@@ -90,7 +91,7 @@ impl Ledger {
     }
 
     /// Lets jobs and levels in that were not waiting before; time away earns nothing. Forgets jobs that do not wait any more.
-    fn arrive(&mut self, waiting: &[&Claim<'_>]) {
+    fn arrive(&mut self, waiting: &[&Claim]) {
         for (priority, l) in &mut self.levels {
             l.jobs.retain(|job, _| waiting.iter().any(|c| c.job == *job && level(c.priority) == *priority));
         }
@@ -112,8 +113,8 @@ fn level(priority: i32) -> i32 {
 }
 
 /// Leases of an owner in all its jobs; where a job has no owner, those of the job.
-fn leased(claims: &[Claim<'_>], of: &Claim<'_>) -> u64 {
-    let same = |c: &&Claim<'_>| if of.owner.is_some() { c.owner == of.owner } else { c.job == of.job };
+fn leased(claims: &[Claim], of: &Claim) -> u64 {
+    let same = |c: &&Claim| if of.owner.is_some() { c.owner == of.owner } else { c.job == of.job };
     claims.iter().filter(same).fold(0, |sum, c| sum.saturating_add(c.leased))
 }
 
@@ -123,12 +124,12 @@ mod tests {
     use proptest::prelude::*;
     use uuid::Uuid;
 
-    fn claim(job: u128, priority: i32) -> Claim<'static> {
+    fn claim(job: u128, priority: i32) -> Claim {
         Claim { job: JobId(Uuid::from_u128(job)), priority, pending: 1, leased: 0, owner: None }
     }
 
     /// How many of so many grants of the same work each job gets.
-    fn share(ledger: &mut Ledger, claims: &[Claim<'_>], grants: usize) -> Vec<usize> {
+    fn share(ledger: &mut Ledger, claims: &[Claim], grants: usize) -> Vec<usize> {
         let mut counts = vec![0; claims.len()];
         for _ in 0..grants {
             let job = ledger.choose(claims, None).unwrap();
@@ -179,8 +180,9 @@ mod tests {
 
     #[test]
     fn an_owner_at_its_limit_waits_with_all_its_jobs() {
-        let owned = |n, leased| Claim { leased, owner: Some("a"), ..claim(n, 9) };
-        let claims = [owned(1, 60), Claim { pending: 0, ..owned(2, 40) }, Claim { owner: Some("b"), ..claim(3, 0) }];
+        let [a, b] = [1, 2].map(|n| TokenId::from_random([n << 5; 8]));
+        let owned = |n, leased| Claim { leased, owner: Some(a), ..claim(n, 9) };
+        let claims = [owned(1, 60), Claim { pending: 0, ..owned(2, 40) }, Claim { owner: Some(b), ..claim(3, 0) }];
         assert_eq!(Ledger::default().choose(&claims, Some(101)), Some(claims[0].job));
         assert_eq!(Ledger::default().choose(&claims, Some(100)), Some(claims[2].job));
         assert_eq!(Ledger::default().choose(&claims[..2], Some(100)), None);
@@ -191,7 +193,7 @@ mod tests {
         /// Whatever the priorities, the ages and the sizes of leases: every job that waits is served within a bounded number of grants.
         #[test]
         fn nobody_starves(jobs in prop::collection::vec((-30i32..30, 1u64..5_000), 1..7)) {
-            let claims: Vec<Claim<'_>> = jobs.iter().enumerate().map(|(n, (priority, _))| claim(n as u128, *priority)).collect();
+            let claims: Vec<Claim> = jobs.iter().enumerate().map(|(n, (priority, _))| claim(n as u128, *priority)).collect();
             let levels = claims.iter().map(|c| level(c.priority)).collect::<std::collections::BTreeSet<_>>().len();
             let bound = TURN as usize * claims.len() * (PATIENCE as usize + levels);
             let (mut ledger, mut last) = (Ledger::default(), vec![0; claims.len()]);

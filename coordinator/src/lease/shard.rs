@@ -8,6 +8,7 @@
 use super::{
     poison::{Ceilings, Charges, Suspicion},
     rule::Rule,
+    verify::Checks,
 };
 use kiln_proto::{
     ids::WorkerId,
@@ -38,6 +39,8 @@ pub struct Shard {
     pub ceilings: Ceilings,
     /// Which single tiles have failed, and with whom.
     pub charges: Charges,
+    /// Which tiles are done and wait for the opinion of another worker.
+    pub checks: Checks,
 }
 
 /// What a valid segment turned out to be.
@@ -131,6 +134,7 @@ impl Shard {
     pub fn lose(&mut self, tiles: &TileRuns) {
         let lost = self.done.intersection(tiles);
         self.done = self.done.minus(&lost);
+        self.checks.forget(&lost);
         self.pending = self.pending.union(&lost);
     }
 

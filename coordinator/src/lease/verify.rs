@@ -71,6 +71,12 @@ impl Checks {
         self.0.values().filter(|check| check.asked.is_none()).count() as u64
     }
 
+    /// The digest of the accepted segment of a tile that is not yet believed.
+    #[must_use]
+    pub fn accepted(&self, tile: TileIndex) -> Option<Digest> {
+        self.0.get(&tile)?.opinions.first().map(|(_, digest)| *digest)
+    }
+
     /// Whether a tile is not yet believed.
     #[must_use]
     pub fn is_open(&self, tile: TileIndex) -> bool {
@@ -94,6 +100,11 @@ impl Checks {
         if let Some(check) = self.0.get_mut(&tile) {
             check.asked = None;
         }
+    }
+
+    /// Nobody is asked any more: whoever was ended without an answer.
+    pub fn give_all_back(&mut self) {
+        self.0.values_mut().for_each(|check| check.asked = None);
     }
 
     /// The bytes of another worker. A late answer is as good as one in time; a second one of the same worker says nothing.

@@ -16,8 +16,8 @@ mod tokens;
 
 pub use error::StoreError;
 pub use model::{
-    AttemptRow, Candidate, ChunkOutcome, ChunkRow, ChunkTile, Contribution, EventPage, Expiry, Figures, FinishOutcome, Grant, Hints,
-    JobFilter, JobRow, JobSpec, NewChunk, PlanRef, SceneRow, StoredFile, StoredPackageFile, Task, TaskLease, TaskResult,
+    AttemptRow, Candidate, ChunkOutcome, ChunkRow, ChunkTile, ClaimRow, Contribution, EventPage, Expiry, Figures, FinishOutcome, Grant,
+    Hints, JobFilter, JobRow, JobSpec, Late, NewChunk, PlanRef, SceneRow, StoredFile, StoredPackageFile, Task, TaskLease, TaskResult,
 };
 use model::{Beat, Delivery, Ending};
 pub use sql::SqlStore;
@@ -127,12 +127,21 @@ pub trait Store: TokenStore {
     /// Workers heard since a moment, youngest first, with the job that each bakes.
     async fn workers(&self, since: UnixMillis) -> Result<Vec<WorkerRecord>, StoreError>;
 
-    /// The runs of tiles that should be leased next, at most `most` of one job: highest priority, then oldest job, then lowest tile. None
-    /// means that nothing waits.
-    async fn next_work(&self, bake_version: u32, most: usize) -> Result<Vec<Candidate>, StoreError>;
+    /// Jobs of a bake version that lease tiles, by age, those among them of which nothing waits.
+    async fn claims(&self, bake_version: u32) -> Result<Vec<ClaimRow>, StoreError>;
 
-    /// Records leases in one transaction: each gets what is pending of its run, or of its shard where that is gone. The run of each; `None`
-    /// where nothing of its shard is left.
+    /// Work of a job for at most `most` workers: runs of pending tiles, lowest first, then a check for each tile that a second worker must
+    /// bake and that nobody is asked about.
+    async fn next_work(&self, job: JobId, most: usize) -> Result<Vec<Candidate>, StoreError>;
+
+    /// Phases of jobs of a bake version in which nothing waits while something is held, the most urgent first.
+    async fn late(&self, bake_version: u32, now: UnixMillis) -> Result<Vec<Late>, StoreError>;
+
+    /// Lets tiles count that must be baked by a second worker, where nothing else is left to do and nobody who is connected could. How many.
+    async fn waive_checks(&self, now: UnixMillis) -> Result<u64, StoreError>;
+
+    /// Records leases in one transaction: each gets what is pending of its run, or of its shard where that is gone; a twin what it asks for,
+    /// a check any tile that its worker may check. The run of each; `None` where there is none any more.
     async fn grant(&self, grants: &[Grant], now: UnixMillis) -> Result<Vec<Option<TileRun>>, StoreError>;
 
     /// An attempt.

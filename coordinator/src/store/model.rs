@@ -68,6 +68,10 @@ pub struct JobSpec {
     pub on_poison: OnPoison,
     /// The token that brought it.
     pub owner: Option<TokenId>,
+    /// The share of its tiles that two workers bake, in [0, 1].
+    pub verify: f64,
+    /// Decides which tiles those are; workers are never told.
+    pub secret: String,
 }
 
 /// A job as stored.
@@ -91,6 +95,10 @@ pub struct JobRow {
     pub rays: u64,
     /// Workers that hold an attempt of it.
     pub workers: u32,
+    /// Tiles of the phase that wait for a worker.
+    pub pending: u64,
+    /// Tiles of the phase that are done and wait for the opinion of a second worker.
+    pub unchecked: u64,
     /// What a task of it waits for that storage failed under.
     pub put_off: Option<String>,
     /// When it was created.
@@ -216,18 +224,50 @@ pub enum TaskResult {
     Lost(Phase, BlobName),
 }
 
-/// Tiles that wait for a worker.
+/// What a job that bakes asks for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ClaimRow {
+    /// The job.
+    pub job: JobId,
+    /// Its priority.
+    pub priority: i32,
+    /// The token that brought it.
+    pub owner: Option<TokenId>,
+    /// Its tiles that wait for a worker.
+    pub waiting: u64,
+    /// Its tiles that are done, must be baked by a second worker, and that nobody is asked about.
+    pub unasked: u64,
+    /// Its attempts that are held.
+    pub leased: u64,
+}
+
+/// A phase in which nothing waits any more, while something is held.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Late {
+    /// Whose phase; no tiles.
+    pub candidate: Candidate,
+    /// What is held.
+    pub running: Vec<lease::Running>,
+    /// What ended lately.
+    pub finished: Vec<lease::Finished>,
+    /// Workers that could bake it.
+    pub workers: u64,
+}
+
+/// Tiles that wait for a worker, or for a second one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Candidate {
     /// Whose tiles.
     pub job: JobId,
     /// Of which phase.
     pub phase: Phase,
+    /// What for.
+    pub kind: lease::Kind,
     /// The scene.
     pub scene: SceneHash,
     /// The plan.
     pub plan: PlanRef,
-    /// A run of pending tiles within one shard.
+    /// A run of pending tiles within one shard. Empty for a check: which tile it is of depends on who makes it.
     pub run: TileRun,
     /// Pending tiles of the phase.
     pub pending: u64,
@@ -244,8 +284,12 @@ pub struct Grant {
     pub job: JobId,
     /// Of which phase.
     pub phase: Phase,
-    /// Which tiles: the beginning of a candidate's run.
+    /// What for.
+    pub kind: lease::Kind,
+    /// Which tiles: the beginning of a candidate's run; of a twin, what the late attempt still owes. Nothing for a check.
     pub run: TileRun,
+    /// What they cost, texels; nothing for a check.
+    pub cost: u64,
     /// When it expires without heartbeats.
     pub deadline: UnixMillis,
     /// When it expires whatever comes.
@@ -263,6 +307,10 @@ pub struct AttemptRow {
     pub phase: Phase,
     /// Which tiles were leased.
     pub run: TileRun,
+    /// What for.
+    pub kind: lease::Kind,
+    /// What they cost, texels.
+    pub cost: u64,
     /// What became of it.
     pub state: Attempt,
     /// When it was granted.
@@ -297,6 +345,13 @@ pub struct NewChunk {
     pub length: u64,
     /// Its tiles, none twice, all of the attempt's run.
     pub tiles: Vec<ChunkTile>,
+}
+
+impl NewChunk {
+    /// Its tiles.
+    pub(super) fn set(&self) -> TileRuns {
+        self.tiles.iter().map(|t| t.tile).collect()
+    }
 }
 
 /// A chunk as stored. Its tiles, in order, stand in its trailer.
@@ -367,7 +422,7 @@ pub struct Expiry {
 pub struct Figures {
     /// Jobs by state.
     pub jobs: BTreeMap<String, u64>,
-    /// Tiles that wait, over all jobs.
+    /// Tiles that wait, for a worker or for a second one, over all jobs.
     pub tiles_pending: u64,
     /// Tiles in held attempts.
     pub tiles_leased: u64,

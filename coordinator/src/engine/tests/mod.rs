@@ -7,6 +7,7 @@ mod flow;
 mod live;
 mod lost;
 pub(crate) mod real;
+mod shares;
 
 use super::{
     Engine, EngineError, JobFilter, Parts, UploadedFile, background,
@@ -191,7 +192,10 @@ impl Rig {
     }
 
     async fn open(&self) -> Arc<Engine> {
-        let config = self.config();
+        self.open_as(self.config()).await
+    }
+
+    async fn open_as(&self, config: Config) -> Arc<Engine> {
         let local = Parts::of(&config).await;
         let parts = match local {
             Ok(parts) => parts,
@@ -238,7 +242,7 @@ async fn ready_scene(engine: &Engine) -> SceneRecord {
 fn new_job(scene: &SceneRecord) -> NewJob {
     let settings = SettingsPatch { texels_per_metre: Some(40.0), ..SettingsPatch::default() };
     let labels = [("who".to_owned(), "test".to_owned())].into();
-    NewJob { scene: scene.id.to_string(), settings, priority: 0, labels }
+    NewJob { scene: scene.id.to_string(), settings, priority: 0, labels, verify: None }
 }
 
 /// A worker that has said hello.

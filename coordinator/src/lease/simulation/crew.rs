@@ -1,7 +1,7 @@
 //! The workers, the network between them and the coordinators, and the people who pause and cancel.
 
 use super::{
-    super::{Attempt, Event},
+    super::{Attempt, Event, Kind},
     Dice, Promise, Slip,
     farm::{Coordinator, Farm, TTL},
 };

@@ -1,10 +1,10 @@
 //! From wherever chaos left it, honest workers bring every job to its end; and what a package must hold.
 
 use super::{
-    super::Event,
+    super::{Event, Kind},
     Promise,
     crew::{World, truth},
-    farm::{CAP, Kind},
+    farm::CAP,
 };
 use crate::job::{self, Job, OnPoison};
 use kiln_proto::{

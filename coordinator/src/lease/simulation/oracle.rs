@@ -1,7 +1,7 @@
 //! What must be true, counted naively: one list entry a charge, one map entry a tile, no runs and no sets of the core's own.
 
 use super::{
-    super::{Accepted, Attempt, Event},
+    super::{Accepted, Attempt, Event, Kind},
     Promise,
     farm::{CAP, Farm, Lease, SHARD},
 };
@@ -232,7 +232,7 @@ impl Farm {
                 if bake.segments.contains_key(&tile) != (done == 1) {
                     return Err(format!("job {j}: tile {tile} is done ({done}) or its segment is there, not both"));
                 }
-                let believed = done == 1 && !bake.checks.tiles().contains(index);
+                let believed = done == 1 && !bake.is_checked(index);
                 left += u64::from(!believed);
                 holes += quarantined;
             }

@@ -14,7 +14,7 @@ pub(super) async fn a_run_is_granted_once(store: &dyn Store) {
     let scene = ready_scene(store).await;
     assert_eq!(next(store).await, None);
     let job = probing(store, scene, SHARD_TILES + 10, 0).await;
-    assert_eq!(store.next_work(2, 1).await.unwrap(), [], "workers of another bake version get nothing");
+    assert_eq!(store.claims(2).await.unwrap(), [], "workers of another bake version get nothing");
     let first = next(store).await.unwrap();
     assert_eq!((first.job, first.run, first.pending), (job, TileRun { start: 0, end: SHARD_TILES }, SHARD_TILES + 10));
     let lease = grant(job, 0, 4, NOW);

@@ -4,13 +4,15 @@ mod concurrent;
 mod failures;
 mod jobs;
 mod leases;
+mod opinions;
 mod schedule;
 mod tokens;
 
-use super::{Candidate, ChunkTile, Grant, JobSpec, NewChunk, PlanRef, SceneRow, Store, StoredFile, Task, TaskResult};
+use super::{Candidate, ChunkTile, ClaimRow, Grant, JobSpec, NewChunk, PlanRef, SceneRow, Store, StoredFile, Task, TaskResult};
 use crate::{
     blob::BlobName,
     job::JobTask,
+    lease::Kind,
     records::{LightCounts, SceneState, SceneStatistics, UnixMillis},
 };
 pub(crate) use concurrent::concurrent;
@@ -41,6 +43,12 @@ pub(crate) async fn all<F: Future<Output = Arc<dyn Store>>>(fresh: impl Fn() -> 
     failures::a_paused_job_leases_nothing_and_counts_what_comes(&*fresh().await).await;
     failures::what_an_expired_attempt_delivers_is_no_debt_of_the_next(&*fresh().await).await;
     failures::a_worker_that_fails_what_others_manage_is_barred(&*fresh().await).await;
+    opinions::a_tile_counts_when_another_worker_agrees(&*fresh().await).await;
+    opinions::whoever_lied_is_barred_and_baked_again(&*fresh().await).await;
+    opinions::a_lie_about_others_is_found_too(&*fresh().await).await;
+    opinions::checks_that_nobody_can_make_are_waived(&*fresh().await).await;
+    opinions::a_late_attempt_gets_a_twin_and_the_first_wins(&*fresh().await).await;
+    opinions::what_a_lost_twin_owed_is_still_held(&*fresh().await).await;
     tokens::tokens_are_kept_rotated_and_revoked_once(&*fresh().await).await;
     tokens::the_secret_of_the_service_is_made_once(&*fresh().await).await;
     tokens::scenes_and_jobs_have_owners(&*fresh().await).await;
@@ -100,12 +108,17 @@ fn spec(scene: Uuid, priority: i32) -> JobSpec {
     let settings = SettingsPatch::default().resolve().unwrap();
     let labels = [("a".to_owned(), "b".to_owned())].into();
     let on_poison = crate::job::OnPoison::Fail;
-    JobSpec { id: JobId::random(), scene, settings, priority, labels, bake_version: 1, on_poison, owner: None }
+    let (verify, secret) = (0.0, "secret".to_owned());
+    JobSpec { id: JobId::random(), scene, settings, priority, labels, bake_version: 1, on_poison, owner: None, verify, secret }
 }
 
 /// A job whose Probe phase of `tiles` tiles is open.
 pub(crate) async fn probing(store: &dyn Store, scene: Uuid, tiles: u64, priority: i32) -> JobId {
-    let job = store.add_job(&spec(scene, priority), NOW).await.unwrap().spec.id;
+    open(store, spec(scene, priority), tiles).await
+}
+
+async fn open(store: &dyn Store, spec: JobSpec, tiles: u64) -> JobId {
+    let job = store.add_job(&spec, NOW).await.unwrap().spec.id;
     let prepared = TaskResult::Prepared { plan: plan("one"), tiles, cost: tiles * 10, surfaces: 1, texels: 7, warnings: vec![] };
     perform(store, Task::Job(job, JobTask::Prepare), &prepared).await;
     job
@@ -117,15 +130,20 @@ fn grant(job: JobId, start: u64, end: u64, at: UnixMillis) -> Grant {
         worker: WorkerId::random(),
         job,
         phase: Phase::Probe,
+        kind: Kind::Work,
         run: TileRun { start, end },
+        cost: (end - start) * 10,
         deadline: at + 100,
         cap: at + 10_000,
     }
 }
 
-/// What should be leased next.
+/// What goes next where the most urgent and oldest job always does.
 async fn next(store: &dyn Store) -> Option<Candidate> {
-    store.next_work(1, 1).await.unwrap().into_iter().next()
+    let waits = |c: &ClaimRow| c.waiting + c.unasked > 0;
+    let claims: Vec<ClaimRow> = store.claims(1).await.unwrap().into_iter().filter(waits).collect();
+    let job = claims.iter().min_by_key(|c| (std::cmp::Reverse(c.priority), c.job))?.job;
+    store.next_work(job, 1).await.unwrap().into_iter().next()
 }
 
 /// Whether a lease was recorded just as it was asked for.

@@ -2,10 +2,10 @@
 
 use super::{
     super::{
-        AttemptRow, Beat, Candidate, ChunkOutcome, ChunkRow, Contribution, Delivery, Ending, EventPage, Expiry, Figures, FinishOutcome,
-        Grant, Hints, JobFilter, JobRow, JobSpec, NewChunk, SceneRow, Store, StoreError, StoredFile, StoredPackageFile, TaskLease,
-        TaskResult, rows,
-        tables::{attempts, chunks, events, figures, jobs, lost, packages, scenes, shards, tasks, workers},
+        AttemptRow, Beat, Candidate, ChunkOutcome, ChunkRow, ClaimRow, Contribution, Delivery, Ending, EventPage, Expiry, Figures,
+        FinishOutcome, Grant, Hints, JobFilter, JobRow, JobSpec, Late, NewChunk, SceneRow, Store, StoreError, StoredFile,
+        StoredPackageFile, TaskLease, TaskResult, rows,
+        tables::{attempts, chunks, claims, events, figures, grants, jobs, late, lost, packages, scenes, shards, tasks, workers},
     },
     database::{Database, writing},
     group::{Group, Together},
@@ -244,12 +244,28 @@ impl Store for SqlStore {
         workers::list(&mut self.database.read().await?, since).await
     }
 
-    async fn next_work(&self, bake_version: u32, most: usize) -> Result<Vec<Candidate>, StoreError> {
-        shards::next_work(&mut self.database.read().await?, bake_version, most).await
+    async fn claims(&self, bake_version: u32) -> Result<Vec<ClaimRow>, StoreError> {
+        claims::claims(&mut self.database.read().await?, bake_version).await
+    }
+
+    async fn next_work(&self, job: JobId, most: usize) -> Result<Vec<Candidate>, StoreError> {
+        shards::next_work(&mut self.database.read().await?, job, most).await
+    }
+
+    async fn late(&self, bake_version: u32, now: UnixMillis) -> Result<Vec<Late>, StoreError> {
+        late::late(&mut self.database.read().await?, bake_version, now).await
+    }
+
+    async fn waive_checks(&self, now: UnixMillis) -> Result<u64, StoreError> {
+        let (jobs, mut waived) = (late::unchecked(&mut self.database.read().await?).await?, 0);
+        for job in jobs {
+            waived += writing!(self.database, tx => late::waive(tx, job, now).await)?;
+        }
+        Ok(waived)
     }
 
     async fn grant(&self, grants: &[Grant], now: UnixMillis) -> Result<Vec<Option<TileRun>>, StoreError> {
-        writing!(self.database, tx => attempts::grant(tx, grants, now).await)
+        writing!(self.database, tx => grants::grant(tx, grants, now).await)
     }
 
     async fn attempt(&self, token: Token) -> Result<Option<AttemptRow>, StoreError> {

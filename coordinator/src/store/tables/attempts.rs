@@ -2,58 +2,30 @@
 
 use super::{locks, poison, shards, workers};
 use crate::{
-    lease::{self, Action, Attempt, shard_of},
+    lease::{self, Action, Attempt, Kind, shard_of},
     records::UnixMillis,
     store::{
-        AttemptRow, Beat, Ending, FinishOutcome, Grant, StoreError,
+        AttemptRow, Beat, Ending, FinishOutcome, StoreError,
         rows::{int, parse, phase as parse_phase, runs, runs_text, strange},
         sql::{Row, Tx, sql},
     },
 };
 use kiln_proto::{
-    ids::{JobId, Token},
+    ids::{JobId, Token, WorkerId},
     tile::{TileIndex, TileRun, TileRuns},
-    wire::message::Phase,
 };
 use std::collections::{BTreeMap, HashMap};
 
-/// Records leases, each of what is pending of its run, or of the first run of its shard where that is gone: coordinators that look at the
-/// same shard send nobody away. For each the run that it got.
-pub(in super::super) async fn grant(c: &mut Tx, grants: &[Grant], now: UnixMillis) -> Result<Vec<Option<TileRun>>, StoreError> {
-    let mut of_shard: BTreeMap<(JobId, Phase, u64), Vec<usize>> = BTreeMap::new();
-    for (index, grant) in grants.iter().enumerate() {
-        of_shard.entry((grant.job, grant.phase, shard_of(TileIndex(grant.run.start)))).or_default().push(index);
+fn kind(row: &Row) -> Result<Kind, StoreError> {
+    match (row.text("kind")?.as_str(), row.maybe_text("twin_of")?) {
+        ("work", None) => Ok(Kind::Work),
+        ("check", None) => Ok(Kind::Check),
+        ("twin", Some(of)) => Ok(Kind::Twin(parse("a token", &of)?)),
+        (other, _) => Err(strange("what an attempt is for", other)),
     }
-    let mut granted = vec![None; grants.len()];
-    let connected = workers::connected(c, None, now).await?;
-    for ((job, phase, index), wanted) in of_shard {
-        let Some(mut shard) = shards::lock(c, job, phase, index).await? else { continue };
-        for &at in &wanted {
-            let Grant { worker, run, .. } = grants[at];
-            granted[at] = shard.take(TileIndex(run.start), run.len(), &shard.charges.avoided(worker, connected));
-        }
-        if wanted.iter().any(|at| granted[*at].is_some()) {
-            shards::save(c, job, phase, index, &shard).await?;
-        }
-    }
-    for (grant, run) in grants.iter().zip(&granted) {
-        if let Some(run) = run {
-            insert(c, grant, *run, now).await?;
-        }
-    }
-    Ok(granted)
 }
 
-async fn insert(c: &mut Tx, grant: &Grant, run: TileRun, now: UnixMillis) -> Result<(), StoreError> {
-    let query = sql("INSERT INTO attempts (token, worker, job, phase, first, past, state, remaining, granted, deadline, cap)
-         VALUES ($1, $2, $3, $4, $5, $6, 'held', $7, $8, $9, $10)");
-    let query = query.bind(grant.token.to_string()).bind(grant.worker.to_string()).bind(grant.job.to_string());
-    let query = query.bind(grant.phase.to_string()).bind(run.start).bind(run.end).bind(runs_text(&TileRuns::from_run(run)));
-    c.run(query.bind(now).bind(grant.deadline).bind(grant.cap)).await?;
-    Ok(())
-}
-
-fn row(row: &Row) -> Result<AttemptRow, StoreError> {
+pub(super) fn row(row: &Row) -> Result<AttemptRow, StoreError> {
     let state = match row.text("state")?.as_str() {
         "held" => Attempt::Held { deadline: row.int("deadline")?, cap: row.int("cap")?, remaining: runs(&row.text("remaining")?)? },
         "completed" => Attempt::Completed,
@@ -67,6 +39,8 @@ fn row(row: &Row) -> Result<AttemptRow, StoreError> {
         job: parse("a job id", &row.text("job")?)?,
         phase: parse_phase(&row.text("phase")?)?,
         run: TileRun { start: row.count("first")?, end: row.count("past")? },
+        kind: kind(row)?,
+        cost: row.count("cost")?,
         state,
         granted_ms: row.int("granted")?,
         texels: row.count("texels")?,
@@ -76,6 +50,11 @@ fn row(row: &Row) -> Result<AttemptRow, StoreError> {
 /// An attempt as it is just now.
 pub(in super::super) async fn get(c: &mut Tx, token: Token) -> Result<Option<AttemptRow>, StoreError> {
     c.one(sql("SELECT * FROM attempts WHERE token = $1").bind(token.to_string())).await?.as_ref().map(row).transpose()
+}
+
+/// An attempt, locked.
+pub(super) async fn lock(c: &mut Tx, token: Token) -> Result<Option<AttemptRow>, StoreError> {
+    c.one(sql("SELECT * FROM attempts WHERE token = $1").locking().bind(token.to_string())).await?.as_ref().map(row).transpose()
 }
 
 /// Applies an event to an attempt and performs what follows. `reason` says what went wrong, where something did.
@@ -94,13 +73,23 @@ pub(super) async fn happen(
     row.state = state;
     save(c, token, row, now).await?;
     for action in actions {
-        let index = shard_of(TileIndex(row.run.start));
         match action {
-            Action::Return(tiles) => shards::give_back(c, row.job, row.phase, index, &tiles).await?,
-            Action::Suspect(tiles) => poison::suspect(c, row, &tiles, reason, now).await?,
+            Action::Suspect(tiles) if row.kind != Kind::Check => poison::suspect(c, row, &tiles, reason, now).await?,
+            Action::Return(tiles) | Action::Suspect(tiles) => hand_back(c, row, &tiles).await?,
         }
     }
     Ok(Ok(()))
+}
+
+/// Lets others have what an attempt owed: its tiles, or the opinion that it was asked for.
+async fn hand_back(c: &mut Tx, of: &AttemptRow, tiles: &TileRuns) -> Result<(), StoreError> {
+    let first = TileIndex(of.run.start);
+    let Some(mut shard) = shards::lock(c, of.job, of.phase, shard_of(first)).await? else { return Ok(()) };
+    match of.kind {
+        Kind::Check => shard.checks.give_back(first),
+        Kind::Work | Kind::Twin(_) => shard.give_back(tiles),
+    }
+    shards::save(c, of.job, of.phase, shard_of(first), &shard).await
 }
 
 async fn save(c: &mut Tx, token: Token, row: &AttemptRow, now: UnixMillis) -> Result<(), StoreError> {
@@ -116,10 +105,10 @@ async fn save(c: &mut Tx, token: Token, row: &AttemptRow, now: UnixMillis) -> Re
 
 /// Somebody else delivered these tiles of a shard: every held attempt that owes some of them is told.
 pub(super) async fn overtake(c: &mut Tx, by: Token, of: &AttemptRow, tiles: &TileRuns, now: UnixMillis) -> Result<(), StoreError> {
-    let query =
-        sql("SELECT * FROM attempts WHERE job = $1 AND phase = $2 AND state = 'held' AND token <> $3 AND first >= $4 AND first < $5
+    let query = sql("SELECT * FROM attempts WHERE job = $1 AND phase = $2 AND state = 'held' AND kind <> 'check' AND token <> $3
+         AND first >= $4 AND first < $5
          ORDER BY token")
-        .locking();
+    .locking();
     let start = shard_of(TileIndex(of.run.start)) * lease::SHARD_TILES;
     let query = query.bind(of.job.to_string()).bind(of.phase.to_string()).bind(by.to_string());
     for found in c.all(query.bind(start).bind(start + lease::SHARD_TILES)).await? {
@@ -139,18 +128,34 @@ pub(super) async fn overtake(c: &mut Tx, by: Token, of: &AttemptRow, tiles: &Til
 /// Fences whatever a job's workers hold; what they owe waits again.
 pub(super) async fn suspend(c: &mut Tx, job: JobId, now: UnixMillis) -> Result<(), StoreError> {
     let query = sql("SELECT * FROM attempts WHERE job = $1 AND state = 'held' ORDER BY token").locking();
-    for found in c.all(query.bind(job.to_string())).await? {
-        let (token, mut held) = (parse("a token", &found.text("token")?)?, row(&found)?);
-        let Ok((state, actions)) = held.state.clone().apply(lease::Event::Fence, now) else { continue };
-        held.state = state;
-        save(c, token, &held, now).await?;
+    let held = c.all(query.bind(job.to_string())).await?;
+    fence(c, &held, now).await?;
+    fence_all(c, job, now).await
+}
+
+/// Fences whatever a worker holds or might still deliver late, of any job; what it owes waits again.
+pub(super) async fn dismiss(c: &mut Tx, worker: WorkerId, now: UnixMillis) -> Result<(), StoreError> {
+    let query = sql("SELECT * FROM attempts WHERE worker = $1 AND state IN ('held', 'expired') ORDER BY token").locking();
+    let open = c.all(query.bind(worker.to_string())).await?;
+    fence(c, &open, now).await
+}
+
+async fn fence(c: &mut Tx, rows: &[Row], now: UnixMillis) -> Result<(), StoreError> {
+    for found in rows {
+        let (token, mut attempt) = (parse("a token", &found.text("token")?)?, row(found)?);
+        let was_held = matches!(attempt.state, Attempt::Held { .. });
+        let Ok((state, actions)) = attempt.state.clone().apply(lease::Event::Fence, now) else { continue };
+        attempt.state = state;
+        save(c, token, &attempt, now).await?;
         for action in actions {
             let (Action::Return(tiles) | Action::Suspect(tiles)) = action;
-            shards::give_back(c, held.job, held.phase, shard_of(TileIndex(held.run.start)), &tiles).await?;
+            hand_back(c, &attempt, &tiles).await?;
         }
-        workers::contribute(c, token, &held, None, now).await?;
+        if was_held {
+            workers::contribute(c, token, &attempt, None, now).await?;
+        }
     }
-    fence_all(c, job, now).await
+    Ok(())
 }
 
 /// Heartbeats of many attempts at once. Those that are held are extended and answered with; the others must stop. An attempt whose time has
@@ -198,7 +203,7 @@ async fn finish(c: &mut Tx, ending: &Ending, now: UnixMillis) -> Result<FinishOu
     let token = ending.token;
     let Some(mut row) = get(c, token).await? else { return Ok(FinishOutcome::Gone("unknown".into())) };
     let was_held = matches!(row.state, Attempt::Held { .. });
-    if let Attempt::Held { remaining, .. } = &mut row.state {
+    if let (Attempt::Held { remaining, .. }, Kind::Work | Kind::Twin(_)) = (&mut row.state, row.kind) {
         // Tiles that somebody else delivered late are no debt of this attempt.
         if let Some(shard) = shards::lock(c, row.job, row.phase, shard_of(TileIndex(row.run.start))).await? {
             *remaining = remaining.minus(&shard.done);

@@ -1,18 +1,18 @@
 //! Chunks: the transaction that makes work count.
 
-use super::{attempts, events, jobs, locks, poison, shards};
+use super::{attempts, events, jobs, locks, opinions, opinions::Sample, poison, shards};
 use crate::{
     job,
-    lease::{self, Accepted, Attempt, Shard, shard_of},
+    lease::{self, Accepted, Attempt, Kind, Shard, shard_of},
     records::{EventKind, Problem, UnixMillis},
     store::{
-        AttemptRow, ChunkOutcome, ChunkRow, Delivery, NewChunk, StoreError,
+        AttemptRow, ChunkOutcome, ChunkRow, ChunkTile, Delivery, NewChunk, StoreError,
         rows::{parse, runs, runs_text, strange},
         sql::{Row, Tx, sql},
     },
 };
 use kiln_proto::{
-    ids::{Digest, JobId, Token},
+    ids::{Digest, JobId, Token, WorkerId},
     tile::{TileIndex, TileRun, TileRuns},
     wire::message::Phase,
 };
@@ -44,7 +44,7 @@ pub(in super::super) async fn covering(c: &mut Tx, job: JobId, phase: Phase, run
 
 /// What a chunk's tiles turn out to be.
 struct Sorted {
-    fresh: Vec<TileIndex>,
+    fresh: Vec<ChunkTile>,
     cost: u64,
     conflicts: TileRuns,
     /// Done, and nobody has told the digest.
@@ -56,7 +56,7 @@ fn sort(chunk: &NewChunk, known: &BTreeMap<TileIndex, Digest>, shard: &Shard) ->
     for t in &chunk.tiles {
         match (shard.done.contains(t.tile), known.get(&t.tile)) {
             (false, _) => {
-                sorted.fresh.push(t.tile);
+                sorted.fresh.push(*t);
                 sorted.cost += t.cost;
             }
             (true, Some(digest)) if *digest == t.digest => {}
@@ -85,76 +85,95 @@ async fn record(c: &mut Tx, chunk: &NewChunk, known: &BTreeMap<TileIndex, Digest
     if let Some(row) = get(c, chunk.token, chunk.n).await? {
         return Ok(ChunkOutcome::Recorded(row));
     }
-    let Some(mut attempt) = attempts::get(c, chunk.token).await? else { return Ok(ChunkOutcome::Gone("unknown".into())) };
+    let Some((mut attempt, sample)) = opinions::sampled(c, chunk.token).await? else { return Ok(ChunkOutcome::Gone("unknown".into())) };
     let index = shard_of(TileIndex(attempt.run.start));
     let Some(mut shard) = shards::lock(c, attempt.job, attempt.phase, index).await? else {
         return Ok(ChunkOutcome::Gone("of a job that has ended".into()));
     };
+    if attempt.kind == Kind::Check {
+        return opinions::hear(c, chunk, attempt, shard, now).await;
+    }
     let sorted = sort(chunk, known, &shard);
     if let Some(TileRun { start, .. }) = sorted.unknown.runs().first() {
         let span = TileRun { start: *start, end: sorted.unknown.runs().last().map_or(*start, |r| r.end) };
         return Ok(ChunkOutcome::NeedDigests(covering(c, attempt.job, attempt.phase, span).await?));
     }
-    let tiles: TileRuns = chunk.tiles.iter().map(|t| t.tile).collect();
-    if let Err(illegal) = attempts::happen(c, chunk.token, &mut attempt, lease::Event::Deliver(tiles), "", now).await? {
+    if let Err(illegal) = attempts::happen(c, chunk.token, &mut attempt, lease::Event::Deliver(chunk.set()), "", now).await? {
         return Ok(ChunkOutcome::Gone(illegal.state.into()));
     }
     // While an attempt is held and has no twin, nobody else owes its tiles.
     let shared = matches!(attempt.state, Attempt::Expired) || !shard.twinned.is_empty();
-    let (mut accepted, mut first, mut refuted) = (TileRuns::new(), 0, vec![]);
-    for tile in sorted.fresh {
-        refuted.extend(shard.refuted(tile, attempt.worker).into_iter().map(|worker| (worker, tile)));
-        match shard.accept(tile) {
-            Accepted::First => first += 1,
-            Accepted::Filled => {}
-            Accepted::Known => continue,
-        }
-        accepted.insert_tile(tile);
-    }
+    let taken = accept(&mut shard, &sorted.fresh, &attempt, &sample);
     shards::save(c, attempt.job, attempt.phase, index, &shard).await?;
     if shared {
-        attempts::overtake(c, chunk.token, &attempt, &accepted, now).await?;
+        attempts::overtake(c, chunk.token, &attempt, &taken.accepted, now).await?;
     }
-    for (worker, tile) in refuted {
+    for (worker, tile) in taken.refuted {
         poison::refute(c, worker, &attempt, tile, now).await?;
     }
     let row = ChunkRow {
         blob: chunk.blob,
         trailer_at: chunk.trailer_at,
         length: chunk.length,
-        accepted: accepted.clone(),
+        accepted: taken.accepted.clone(),
         conflicts: sorted.conflicts.clone(),
     };
     insert(c, chunk, &attempt, &row, sorted.cost).await?;
-    credit(c, chunk.token, &attempt, &Credit { accepted: &accepted, first, cost: sorted.cost }, now).await?;
+    credit(c, chunk.token, &attempt, &Credit { accepted: &taken.accepted, counted: taken.counted, cost: sorted.cost }, now).await?;
     if !sorted.conflicts.is_empty() {
         blame(c, &attempt, &sorted.conflicts, now).await?;
     }
     Ok(ChunkOutcome::Recorded(row))
 }
 
-async fn insert(c: &mut Tx, chunk: &NewChunk, attempt: &AttemptRow, row: &ChunkRow, cost: u64) -> Result<(), StoreError> {
+/// What a chunk's tiles were worth.
+struct Taken {
+    accepted: TileRuns,
+    /// Of them, those that count for the job now: not filled holes, and not what another worker must confirm first.
+    counted: u64,
+    /// Workers that failed tiles which this one managed.
+    refuted: Vec<(WorkerId, TileIndex)>,
+}
+
+/// Accepts tiles that nobody had delivered when they were sorted.
+fn accept(shard: &mut Shard, fresh: &[ChunkTile], attempt: &AttemptRow, sample: &Sample) -> Taken {
+    let mut taken = Taken { accepted: TileRuns::new(), counted: 0, refuted: vec![] };
+    for ChunkTile { tile, digest, .. } in fresh.iter().copied() {
+        let failed = shard.refuted(tile, attempt.worker).into_iter().map(|worker| (worker, tile));
+        taken.refuted.extend(failed);
+        match shard.accept(tile) {
+            Accepted::First if sample.takes(attempt, tile) => shard.checks.open(tile, attempt.worker, digest),
+            Accepted::First => taken.counted += 1,
+            Accepted::Filled => {}
+            Accepted::Known => continue,
+        }
+        taken.accepted.insert_tile(tile);
+    }
+    taken
+}
+
+pub(super) async fn insert(c: &mut Tx, chunk: &NewChunk, attempt: &AttemptRow, row: &ChunkRow, cost: u64) -> Result<(), StoreError> {
     let first = row.accepted.runs().first().map_or(attempt.run.start, |r| r.start);
     let last = row.accepted.runs().last().map_or(first, |r| r.end - 1);
-    let query = sql("INSERT INTO chunks (token, n, job, phase, blob, trailer_at, length, first, last, accepted, conflicts, cost)
-         VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, $12)");
+    let query = sql("INSERT INTO chunks (token, n, job, phase, blob, trailer_at, length, first, last, accepted, conflicts, cost, worker)
+         VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, $12, $13)");
     let query = query.bind(chunk.token.to_string()).bind(chunk.n).bind(attempt.job.to_string()).bind(attempt.phase.to_string());
     let query = query.bind(row.blob.to_string()).bind(row.trailer_at).bind(row.length).bind(first).bind(last);
-    c.run(query.bind(runs_text(&row.accepted)).bind(runs_text(&row.conflicts)).bind(cost)).await?;
+    let query = query.bind(runs_text(&row.accepted)).bind(runs_text(&row.conflicts)).bind(cost);
+    c.run(query.bind(attempt.worker.to_string())).await?;
     Ok(())
 }
 
 /// What a chunk brought.
 struct Credit<'a> {
     accepted: &'a TileRuns,
-    /// Of them, those that the job has not counted: all but filled holes.
-    first: u64,
+    counted: u64,
     cost: u64,
 }
 
 /// Counts accepted tiles for the attempt and the job, tells about them, and lets the job move on.
 async fn credit(c: &mut Tx, token: Token, attempt: &AttemptRow, credit: &Credit<'_>, now: UnixMillis) -> Result<(), StoreError> {
-    let Credit { accepted, first, cost } = *credit;
+    let Credit { accepted, counted, cost } = *credit;
     if accepted.is_empty() {
         return Ok(());
     }
@@ -165,10 +184,15 @@ async fn credit(c: &mut Tx, token: Token, attempt: &AttemptRow, credit: &Credit<
     let (tiles_done, tiles) = (job.count("tiles_done")?, job.count("tiles")?);
     let kind = EventKind::Tiles { phase: attempt.phase, runs: accepted.runs().to_vec(), tiles_done, tiles };
     events::append(c, attempt.job, &kind, now).await?;
-    if first == 0 {
+    count(c, attempt.job, attempt.phase, counted, now).await
+}
+
+/// Lets tiles count for the job, which may move on by that.
+pub(super) async fn count(c: &mut Tx, of: JobId, phase: Phase, tiles: u64, now: UnixMillis) -> Result<(), StoreError> {
+    if tiles == 0 {
         return Ok(());
     }
-    match jobs::happen(c, attempt.job, &job::Event::Accepted { phase: attempt.phase, tiles: first }, now).await? {
+    match jobs::happen(c, of, &job::Event::Accepted { phase, tiles }, now).await? {
         Some(Ok(())) => Ok(()),
         // Shards and job are saved together; where they disagree, the database is not ours any more.
         Some(Err(illegal)) => Err(strange("a job whose shards agree with its state", illegal.to_string())),
@@ -179,8 +203,8 @@ async fn credit(c: &mut Tx, token: Token, attempt: &AttemptRow, credit: &Credit<
 /// Records that two workers baked different bytes for the same tiles: one of them is wrong, or the estimator is not deterministic.
 async fn blame(c: &mut Tx, attempt: &AttemptRow, conflicts: &TileRuns, now: UnixMillis) -> Result<(), StoreError> {
     let tile = TileIndex(conflicts.runs().first().map_or(attempt.run.start, |r| r.start));
-    let query = sql("SELECT a.worker, k.accepted FROM chunks k JOIN attempts a ON a.token = k.token
-         WHERE k.job = $1 AND k.phase = $2 AND k.accepted <> '' AND k.first >= $3 AND k.first <= $4 AND k.last >= $4");
+    let query = sql("SELECT worker, accepted FROM chunks WHERE job = $1 AND phase = $2 AND accepted <> '' AND first >= $3 AND first <= $4
+         AND last >= $4");
     let earliest = tile.0.saturating_sub(lease::SHARD_TILES);
     let query = query.bind(attempt.job.to_string()).bind(attempt.phase.to_string()).bind(earliest).bind(tile.0);
     let mut other = None;
@@ -195,7 +219,7 @@ async fn blame(c: &mut Tx, attempt: &AttemptRow, conflicts: &TileRuns, now: Unix
         attempt.worker,
         runs_text(conflicts),
         attempt.phase,
-        other.as_deref().unwrap_or("(forgotten)"),
+        other.as_deref().unwrap_or("(unknown)"),
     );
     events::append(c, attempt.job, &EventKind::Problem { problem: Problem::new(message) }, now).await
 }

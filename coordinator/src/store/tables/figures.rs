@@ -22,8 +22,8 @@ pub(in super::super) async fn figures(c: &mut Tx) -> Result<Figures, StoreError>
     let rows = c.all(sql("SELECT public, COUNT(*) AS jobs FROM jobs GROUP BY public")).await?;
     let jobs = rows.iter().map(|row| Ok((row.text("public")?, row.count("jobs")?))).collect::<Result<_, StoreError>>()?;
     let sum = |column: &'static str, row: Option<crate::store::sql::Row>| row.map_or(Ok(0), |row| row.count(column));
-    let pending = sql("SELECT CAST(COALESCE(SUM(s.waiting), 0) AS BIGINT) AS pending
-         FROM jobs j CROSS JOIN shards s WHERE s.job = j.id AND s.waiting > 0 AND j.public = 'baking'");
+    let pending = sql("SELECT CAST(COALESCE(SUM(s.waiting + s.unasked), 0) AS BIGINT) AS pending
+         FROM jobs j CROSS JOIN shards s WHERE s.job = j.id AND (s.waiting > 0 OR s.unasked > 0) AND j.public = 'baking'");
     let tiles_pending = sum("pending", c.one(pending).await?)?;
     let held = c.all(sql("SELECT remaining FROM attempts WHERE state = 'held'")).await?;
     let tiles_leased = held.iter().map(|row| Ok(rows::runs(&row.text("remaining")?)?.len())).sum::<Result<u64, StoreError>>()?;

@@ -27,12 +27,13 @@ pub(in super::super) async fn add(c: &mut Tx, spec: &JobSpec, now: UnixMillis) -
     // Locked, or its import could end between this look and the new row, and nobody would wake the job.
     let scene = scenes::lock(c, spec.scene).await?;
     let marks: Vec<Mark> = vec![(JobState::Queued, None, now)];
-    let query = sql("INSERT INTO jobs (id, scene, scene_hash, public, state, settings, priority, labels, bake_version, created, marks, on_poison, owner)
-         VALUES ($1, $2, $3, 'queued', $4, $5, $6, $7, $8, $9, $10, $11, $12)");
+    let query = sql("INSERT INTO jobs (id, scene, scene_hash, public, state, settings, priority, labels, bake_version, created, marks, on_poison, owner,
+         verify, secret) VALUES ($1, $2, $3, 'queued', $4, $5, $6, $7, $8, $9, $10, $11, $12, $13, $14)");
     let query = query.bind(spec.id.to_string()).bind(spec.scene.to_string());
     let query = query.bind(scene.as_ref().and_then(|s| s.record.scene).map(|s| s.to_string())).bind(json(&Job::Queued)?);
     let query = query.bind(json(&spec.settings)?).bind(spec.priority).bind(json(&spec.labels)?).bind(spec.bake_version);
-    c.run(query.bind(now).bind(json(&marks)?).bind(spec.on_poison.name()).bind(spec.owner.map(|id| id.to_string()))).await?;
+    let query = query.bind(now).bind(json(&marks)?).bind(spec.on_poison.name()).bind(spec.owner.map(|id| id.to_string()));
+    c.run(query.bind(spec.verify).bind(&spec.secret)).await?;
     events::append(c, spec.id, &EventKind::State { state: JobState::Queued, phase: None }, now).await?;
     let event = match scene.map(|s| s.record) {
         Some(scene) if scene.state == SceneState::Ready => Some(job::Event::SceneReady),
@@ -112,6 +113,8 @@ macro_rules! select {
             "SELECT jobs.*,
              (SELECT COUNT(DISTINCT worker) FROM attempts a WHERE a.job = jobs.id AND a.state = 'held') AS workers,
              (SELECT CAST(COALESCE(SUM(rays), 0) AS BIGINT) FROM attempts a WHERE a.job = jobs.id AND a.state = 'held') AS rays_held,
+             (SELECT CAST(COALESCE(SUM(waiting), 0) AS BIGINT) FROM shards s WHERE s.job = jobs.id AND s.waiting > 0) AS pending,
+             (SELECT CAST(COALESCE(SUM(unchecked), 0) AS BIGINT) FROM shards s WHERE s.job = jobs.id AND s.unchecked > 0) AS unchecked,
              (SELECT why FROM tasks t WHERE t.job = jobs.id AND t.why IS NOT NULL LIMIT 1) AS why
              FROM jobs ",
             $rest
@@ -135,6 +138,8 @@ fn row(row: &Row) -> Result<JobRow, StoreError> {
             bake_version: row.small("bake_version")?,
             on_poison: on_poison(&row.text("on_poison")?)?,
             owner: tokens::owner(row)?,
+            verify: row.real("verify")?,
+            secret: row.text("secret")?,
         },
         scene_hash: row.maybe_text("scene_hash")?.map(|t| parse("a scene hash", &t)).transpose()?,
         state: job_state(&row.text("state")?)?,
@@ -144,6 +149,8 @@ fn row(row: &Row) -> Result<JobRow, StoreError> {
         texels: row.count("texels")?,
         rays: row.count("rays")?.saturating_add(row.count("rays_held")?),
         workers: row.small("workers")?,
+        pending: row.count("pending")?,
+        unchecked: row.count("unchecked")?,
         put_off: row.maybe_text("why")?,
         created_ms: row.int("created")?,
         marks: from_json("marks", &row.text("marks")?)?,
@@ -179,6 +186,14 @@ pub(in super::super) async fn list(c: &mut Tx, filter: &JobFilter) -> Result<Vec
 /// Changes a job's priority. Whether it exists.
 pub(in super::super) async fn set_priority(c: &mut Tx, id: JobId, priority: i32) -> Result<bool, StoreError> {
     Ok(c.run(sql("UPDATE jobs SET priority = $1 WHERE id = $2").bind(priority).bind(id.to_string())).await? > 0)
+}
+
+/// Takes tiles and their cost out of a job's progress.
+pub(super) async fn undo(c: &mut Tx, id: JobId, tiles: u64, cost: u64) -> Result<(), StoreError> {
+    let query = sql("UPDATE jobs SET tiles_done = tiles_done - $1, cost_done = CASE WHEN cost_done > $2 THEN cost_done - $2 ELSE 0 END
+         WHERE id = $3");
+    c.run(query.bind(tiles).bind(cost).bind(id.to_string())).await?;
+    Ok(())
 }
 
 /// Makes a plan the job's present one; workers may still ask for earlier ones by their digests.

@@ -1,19 +1,19 @@
-//! Chunks whose bytes are gone: what they brought is taken back.
+//! Chunks whose bytes are gone or not to be trusted: what they brought is taken back.
 
 use super::{events, jobs, shards};
 use crate::{
     blob::BlobName,
     job,
-    lease::shard_of,
+    lease::{Shard, shard_of},
     records::{EventKind, Problem, UnixMillis},
     store::{
         StoreError,
         rows::runs,
-        sql::{Tx, sql},
+        sql::{Row, Tx, sql},
     },
 };
 use kiln_proto::{
-    ids::JobId,
+    ids::{JobId, WorkerId},
     tile::{TileIndex, TileRuns},
     wire::message::Phase,
 };
@@ -23,38 +23,73 @@ pub(in super::super) async fn lose(c: &mut Tx, job: JobId, phase: Phase, blob: B
     jobs::lock(c, job).await?;
     let query = sql("DELETE FROM chunks WHERE job = $1 AND phase = $2 AND blob = $3 RETURNING accepted, cost");
     let rows = c.all(query.bind(job.to_string()).bind(phase.to_string()).bind(blob.to_string())).await?;
-    let (mut tiles, mut cost) = (TileRuns::new(), 0);
-    for row in &rows {
-        tiles = tiles.union(&runs(&row.text("accepted")?)?);
-        cost += row.count("cost")?;
-    }
-    if tiles.is_empty() {
+    let brought = Brought::of(&rows)?;
+    if brought.tiles.is_empty() {
         // Somebody else noticed first, or every tile of it was a duplicate: there is nothing to take back.
         return Ok(!rows.is_empty() && jobs::state(c, job).await?.is_some_and(|(state, _)| state.phase() == Some(phase)));
     }
-    // Before the shards, which go with a job that has ended.
-    let event = job::Event::Lost { phase, tiles: tiles.len() };
-    if !matches!(jobs::happen(c, job, &event, now).await?, Some(Ok(()))) {
+    let message = format!("the chunk {blob} is gone; its {} tiles of {phase} are baked again", brought.tiles.len());
+    undo(c, job, phase, &brought, message, now).await
+}
+
+/// Takes back what a worker brought to a phase, where the job can still bake it again; a phase that is over stays as it is.
+pub(super) async fn take_back(c: &mut Tx, job: JobId, phase: Phase, worker: WorkerId, now: UnixMillis) -> Result<(), StoreError> {
+    jobs::lock(c, job).await?;
+    let query = sql("SELECT accepted, cost FROM chunks WHERE job = $1 AND phase = $2 AND worker = $3 AND accepted <> ''");
+    let rows = c.all(query.bind(job.to_string()).bind(phase.to_string()).bind(worker.to_string())).await?;
+    let brought = Brought::of(&rows)?;
+    let n = brought.tiles.len();
+    let message = format!("the {n} tiles of {phase} that worker {worker} delivered are not to be trusted, and are baked again");
+    if n > 0 && undo(c, job, phase, &brought, message, now).await? {
+        let query = sql("DELETE FROM chunks WHERE job = $1 AND phase = $2 AND worker = $3");
+        c.run(query.bind(job.to_string()).bind(phase.to_string()).bind(worker.to_string())).await?;
+    }
+    Ok(())
+}
+
+/// What chunks brought.
+struct Brought {
+    tiles: TileRuns,
+    cost: u64,
+}
+
+impl Brought {
+    fn of(rows: &[Row]) -> Result<Self, StoreError> {
+        let mut all = Self { tiles: TileRuns::new(), cost: 0 };
+        for row in rows {
+            all.tiles = all.tiles.union(&runs(&row.text("accepted")?)?);
+            all.cost += row.count("cost")?;
+        }
+        Ok(all)
+    }
+}
+
+/// Puts tiles that were delivered back to work. Whether the job still needs them; if not, nothing has changed.
+async fn undo(c: &mut Tx, job: JobId, phase: Phase, of: &Brought, message: String, now: UnixMillis) -> Result<bool, StoreError> {
+    let mut shards = locked(c, job, phase, &of.tiles).await?;
+    // What another worker had not yet confirmed has not counted for the job either.
+    let unchecked: u64 = shards.iter().map(|(_, shard)| shard.checks.tiles().intersection(&of.tiles).len()).sum();
+    let counted = of.tiles.len() - unchecked;
+    let event = job::Event::Lost { phase, tiles: counted };
+    if counted > 0 && !matches!(jobs::happen(c, job, &event, now).await?, Some(Ok(()))) {
         return Ok(false);
     }
-    give_back(c, job, phase, &tiles).await?;
-    let query = sql("UPDATE jobs SET tiles_done = tiles_done - $1, cost_done = CASE WHEN cost_done > $2 THEN cost_done - $2 ELSE 0 END
-         WHERE id = $3");
-    c.run(query.bind(tiles.len()).bind(cost).bind(job.to_string())).await?;
-    let message = format!("the chunk {blob} is gone; its {} tiles of {phase} are baked again", tiles.len());
+    for (index, shard) in &mut shards {
+        shard.lose(&of.tiles);
+        shards::save(c, job, phase, *index, shard).await?;
+    }
+    jobs::undo(c, job, of.tiles.len(), of.cost).await?;
     events::append(c, job, &EventKind::Problem { problem: Problem::new(message) }, now).await?;
     Ok(true)
 }
 
-/// Chunks lie within shards, but several with the same bytes are one loss all the same.
-async fn give_back(c: &mut Tx, job: JobId, phase: Phase, tiles: &TileRuns) -> Result<(), StoreError> {
+/// The shards of tiles. Chunks lie within shards, but several with the same bytes are one loss all the same.
+async fn locked(c: &mut Tx, job: JobId, phase: Phase, tiles: &TileRuns) -> Result<Vec<(u64, Shard)>, StoreError> {
     let mut indices: Vec<u64> = tiles.runs().iter().map(|run| shard_of(TileIndex(run.start))).collect();
     indices.dedup();
+    let mut found = Vec::with_capacity(indices.len());
     for index in indices {
-        if let Some(mut shard) = shards::lock(c, job, phase, index).await? {
-            shard.lose(tiles);
-            shards::save(c, job, phase, index, &shard).await?;
-        }
+        found.extend(shards::lock(c, job, phase, index).await?.map(|shard| (index, shard)));
     }
-    Ok(())
+    Ok(found)
 }

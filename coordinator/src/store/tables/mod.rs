@@ -6,11 +6,16 @@
 
 pub(super) mod attempts;
 pub(super) mod chunks;
+pub(super) mod claims;
 pub(super) mod events;
 pub(super) mod figures;
+pub(super) mod grants;
 pub(super) mod jobs;
+pub(super) mod late;
+mod lies;
 mod locks;
 pub(super) mod lost;
+mod opinions;
 pub(super) mod packages;
 mod poison;
 pub(super) mod scenes;

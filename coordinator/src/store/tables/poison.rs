@@ -1,10 +1,10 @@
 //! What failures put suspicion on: tiles that are quarantined, workers that are barred.
 
-use super::{jobs, shards, workers};
+use super::{jobs, lies, shards, workers};
 use crate::{
     job::{self, OnPoison},
     lease::{self, Refuted, Suspicion, shard_of},
-    records::{Problem, UnixMillis},
+    records::UnixMillis,
     store::{
         AttemptRow, StoreError,
         rows::{from_json, on_poison, parse},
@@ -47,17 +47,14 @@ fn place(places: &[(u64, String)], tile: TileIndex) -> Option<(&str, u64)> {
 
 /// Another worker managed a tile that this one had failed; one too many of them bars it.
 pub(super) async fn refute(c: &mut Tx, worker: WorkerId, by: &AttemptRow, tile: TileIndex, now: UnixMillis) -> Result<(), StoreError> {
-    let query = sql("SELECT refuted, barred FROM workers WHERE id = $1").locking().bind(worker.to_string());
+    let query = sql("SELECT refuted FROM workers WHERE id = $1").locking().bind(worker.to_string());
     let Some(row) = c.one(query).await? else { return Ok(()) };
     let mut refuted: Refuted = parse("refuted failures", &row.text("refuted")?)?;
     refuted.note(by.job, by.phase, tile);
-    let reason = refuted.bars().then(|| "it failed tiles that other workers then managed".to_owned());
-    let barred = row.maybe_text("barred")?.or_else(|| reason.clone());
-    let query = sql("UPDATE workers SET refuted = $1, barred = $2 WHERE id = $3");
-    c.run(query.bind(refuted.to_string()).bind(barred).bind(worker.to_string())).await?;
-    if let (Some(reason), None) = (reason, row.maybe_text("barred")?) {
-        let message = format!("worker {worker} is barred: {reason}");
-        jobs::add_problem(c, by.job, &Problem::new(message), now).await?;
+    let query = sql("UPDATE workers SET refuted = $1 WHERE id = $2");
+    c.run(query.bind(refuted.to_string()).bind(worker.to_string())).await?;
+    if refuted.bars() {
+        lies::bar(c, worker, "it failed tiles that other workers then managed", by.job, now).await?;
     }
     Ok(())
 }

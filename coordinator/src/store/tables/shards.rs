@@ -1,14 +1,14 @@
 //! Shards of phases: rows around [`Shard`].
 
 use crate::{
-    lease::{SHARD_TILES, Shard},
+    lease::{Kind, SHARD_TILES, Shard},
     store::{
         Candidate, PlanRef, StoreError,
-        rows::{count, parse, phase as parse_phase, runs, runs_text},
+        rows::{parse, phase as parse_phase, runs, runs_text},
         sql::{Row, Tx, sql},
     },
 };
-use kiln_proto::{ids::JobId, tile::TileRuns, wire::message::Phase};
+use kiln_proto::{ids::JobId, tile::TileRun, wire::message::Phase};
 
 pub(super) async fn open(c: &mut Tx, job: JobId, phase: Phase, tiles: u64) -> Result<(), StoreError> {
     for index in 0..tiles.div_ceil(SHARD_TILES) {
@@ -23,7 +23,7 @@ pub(super) async fn lock(c: &mut Tx, job: JobId, phase: Phase, index: u64) -> Re
     c.one(query.bind(job.to_string()).bind(phase.to_string()).bind(index)).await?.as_ref().map(row).transpose()
 }
 
-fn row(row: &Row) -> Result<Shard, StoreError> {
+pub(super) fn row(row: &Row) -> Result<Shard, StoreError> {
     let set = |column: &str| runs(&row.text(column)?);
     Ok(Shard {
         pending: set("pending")?,
@@ -32,17 +32,20 @@ fn row(row: &Row) -> Result<Shard, StoreError> {
         twinned: set("twinned")?,
         ceilings: parse("bounds of leases", &row.text("ceilings")?)?,
         charges: parse("charges of tiles", &row.text("charges")?)?,
+        checks: parse("checks of tiles", &row.text("checks")?)?,
     })
 }
 
 pub(super) async fn save(c: &mut Tx, job: JobId, phase: Phase, index: u64, shard: &Shard) -> Result<(), StoreError> {
-    let query = sql("INSERT INTO shards (job, phase, shard, pending, done, waiting, quarantined, twinned, ceilings, charges)
-         VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10)
+    let query = sql("INSERT INTO shards (job, phase, shard, pending, done, waiting, quarantined, twinned, ceilings, charges, checks,
+         unchecked, unasked) VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, $12, $13)
          ON CONFLICT (job, phase, shard) DO UPDATE SET pending = excluded.pending, done = excluded.done, waiting = excluded.waiting,
-         quarantined = excluded.quarantined, twinned = excluded.twinned, ceilings = excluded.ceilings, charges = excluded.charges");
+         quarantined = excluded.quarantined, twinned = excluded.twinned, ceilings = excluded.ceilings, charges = excluded.charges,
+         checks = excluded.checks, unchecked = excluded.unchecked, unasked = excluded.unasked");
     let query = query.bind(job.to_string()).bind(phase.to_string()).bind(index).bind(runs_text(&shard.pending));
     let query = query.bind(runs_text(&shard.done)).bind(shard.pending.len()).bind(runs_text(&shard.quarantined));
-    c.run(query.bind(runs_text(&shard.twinned)).bind(shard.ceilings.to_string()).bind(shard.charges.to_string())).await?;
+    let query = query.bind(runs_text(&shard.twinned)).bind(shard.ceilings.to_string()).bind(shard.charges.to_string());
+    c.run(query.bind(shard.checks.to_string()).bind(shard.checks.tiles().len()).bind(shard.checks.unasked())).await?;
     Ok(())
 }
 
@@ -62,47 +65,61 @@ pub(super) async fn delete(c: &mut Tx, job: JobId) -> Result<(), StoreError> {
     Ok(())
 }
 
-/// Puts tiles of one shard back, but for those that are done. Nothing where the shard is gone with its job.
-pub(super) async fn give_back(c: &mut Tx, job: JobId, phase: Phase, index: u64, tiles: &TileRuns) -> Result<(), StoreError> {
-    let Some(mut shard) = lock(c, job, phase, index).await? else { return Ok(()) };
-    shard.give_back(tiles);
-    save(c, job, phase, index, &shard).await
+/// Shards of a phase with tiles that must be baked twice and that nobody is asked about, locked.
+pub(super) async fn unasked(c: &mut Tx, job: JobId, phase: Phase) -> Result<Vec<(u64, Shard)>, StoreError> {
+    let query = sql("SELECT * FROM shards WHERE job = $1 AND phase = $2 AND unasked > 0 ORDER BY shard").locking();
+    numbered(&c.all(query.bind(job.to_string()).bind(phase.to_string())).await?)
+}
+
+/// Shards of a phase with tiles that are done and not yet believed, locked.
+pub(super) async fn unchecked(c: &mut Tx, job: JobId, phase: Phase) -> Result<Vec<(u64, Shard)>, StoreError> {
+    let query = sql("SELECT * FROM shards WHERE job = $1 AND phase = $2 AND unchecked > 0 ORDER BY shard").locking();
+    numbered(&c.all(query.bind(job.to_string()).bind(phase.to_string())).await?)
+}
+
+fn numbered(rows: &[Row]) -> Result<Vec<(u64, Shard)>, StoreError> {
+    rows.iter().map(|found| Ok((found.count("shard")?, row(found)?))).collect()
 }
 
 /// Shards looked at for one batch of leases.
 const SHARDS_AT_ONCE: u32 = 8;
 
-/// What should be leased next: runs of pending tiles, at most `most`, in order.
-pub(in super::super) async fn next_work(c: &mut Tx, bake_version: u32, most: usize) -> Result<Vec<Candidate>, StoreError> {
-    // The first baking job with something pending, then the partial index over its shards; a join over all jobs would sort every shard.
-    let query = sql("SELECT j.id, j.scene_hash, j.plan, j.plan_blob FROM jobs j WHERE j.public = 'baking' AND j.bake_version = $1
-         AND EXISTS (SELECT 1 FROM shards s WHERE s.job = j.id AND s.waiting > 0) ORDER BY j.priority DESC, j.id LIMIT 1");
-    let Some(job) = c.one(query.bind(bake_version)).await? else { return Ok(Vec::new()) };
-    let id = job.text("id")?;
-    let query = sql("SELECT phase, pending FROM shards WHERE job = $1 AND waiting > 0 ORDER BY phase, shard LIMIT $2");
-    let shards = c.all(query.bind(&id).bind(SHARDS_AT_ONCE)).await?;
-    let Some(first) = shards.first() else { return Ok(Vec::new()) };
-    let phase = first.text("phase")?;
-    let query = sql("SELECT CAST(SUM(waiting) AS BIGINT) AS waiting FROM shards WHERE job = $1 AND phase = $2 AND waiting > 0");
-    let waiting = c.one(query.bind(&id).bind(&phase)).await?.and_then(|row| row.maybe_int("waiting").transpose()).transpose()?;
-    candidates(&job, &phase, &shards, count(waiting.unwrap_or(0)), most)
+/// Work of a job for at most `most` workers: runs of pending tiles in order, then a check for each tile that nobody is asked about.
+pub(in super::super) async fn next_work(c: &mut Tx, job: JobId, most: usize) -> Result<Vec<Candidate>, StoreError> {
+    let query = sql("SELECT id, scene_hash, plan, plan_blob FROM jobs WHERE id = $1 AND public = 'baking'").bind(job.to_string());
+    let Some(of) = c.one(query).await?.as_ref().map(of_job).transpose()? else { return Ok(Vec::new()) };
+    let mut found = pending(c, of, most).await?;
+    if found.len() < most {
+        let query = sql("SELECT phase, CAST(SUM(unasked) AS BIGINT) AS unasked FROM shards WHERE job = $1 AND unasked > 0 GROUP BY phase");
+        for row in c.all(query.bind(job.to_string())).await? {
+            let check = Candidate { phase: parse_phase(&row.text("phase")?)?, kind: Kind::Check, ..of };
+            let checks = usize::try_from(row.count("unasked")?).unwrap_or(usize::MAX);
+            found.extend(std::iter::repeat_n(check, checks.min(most - found.len())));
+        }
+    }
+    Ok(found)
 }
 
-fn candidates(job: &Row, phase: &str, shards: &[Row], pending: u64, most: usize) -> Result<Vec<Candidate>, StoreError> {
-    let (id, scene) = (parse("a job id", &job.text("id")?)?, parse("a scene hash", &job.text("scene_hash")?)?);
-    let plan = PlanRef { digest: parse("a digest", &job.text("plan")?)?, blob: parse("a blob name", &job.text("plan_blob")?)? };
-    let of_phase = parse_phase(phase)?;
+async fn pending(c: &mut Tx, of: Candidate, most: usize) -> Result<Vec<Candidate>, StoreError> {
+    let job = of.job.to_string();
+    let query = sql("SELECT phase, CAST(SUM(waiting) AS BIGINT) AS waiting FROM shards WHERE job = $1 AND waiting > 0 GROUP BY phase");
+    let Some(sum) = c.one(query.bind(&job)).await? else { return Ok(Vec::new()) };
+    let (phase, pending) = (parse_phase(&sum.text("phase")?)?, sum.count("waiting")?);
+    let query = sql("SELECT pending FROM shards WHERE job = $1 AND phase = $2 AND waiting > 0 ORDER BY shard LIMIT $3");
     let mut found = Vec::new();
-    for shard in shards {
-        if shard.text("phase")? != phase {
-            continue;
-        }
-        for run in runs(&shard.text("pending")?)?.runs().iter().take(most - found.len()) {
-            found.push(Candidate { job: id, phase: of_phase, scene, plan, run: *run, pending });
-        }
+    for shard in c.all(query.bind(&job).bind(phase.to_string()).bind(SHARDS_AT_ONCE)).await? {
+        let runs = runs(&shard.text("pending")?)?;
+        found.extend(runs.runs().iter().take(most - found.len()).map(|run| Candidate { phase, run: *run, pending, ..of }));
         if found.len() == most {
             break;
         }
     }
     Ok(found)
+}
+
+/// A candidate of a job, its tiles not yet known.
+pub(super) fn of_job(job: &Row) -> Result<Candidate, StoreError> {
+    let (id, scene) = (parse("a job id", &job.text("id")?)?, parse("a scene hash", &job.text("scene_hash")?)?);
+    let plan = PlanRef { digest: parse("a digest", &job.text("plan")?)?, blob: parse("a blob name", &job.text("plan_blob")?)? };
+    Ok(Candidate { job: id, phase: Phase::Probe, kind: Kind::Work, scene, plan, run: TileRun { start: 0, end: 0 }, pending: 0 })
 }

@@ -13,6 +13,7 @@ use kiln_proto::{
     ids::{JobId, Token, WorkerId},
     wire::message::Finish,
 };
+use std::collections::BTreeSet;
 
 pub(in super::super) async fn put(c: &mut Tx, worker: &WorkerRecord) -> Result<(), StoreError> {
     let query = sql("INSERT INTO workers (id, name, threads, features, bake_version, since, seen, texels, rays, core_seconds, peak_rss)
@@ -90,6 +91,20 @@ pub(super) async fn connected(c: &mut Tx, job: Option<JobId>, now: UnixMillis) -
          AND (CAST($2 AS TEXT) IS NULL OR bake_version = (SELECT bake_version FROM jobs WHERE id = $2))");
     let row = c.one(query.bind(now - SILENCE).bind(job.map(|id| id.to_string()))).await?;
     row.map_or(Ok(0), |row| row.count("connected"))
+}
+
+/// Workers that get nothing any more.
+pub(super) async fn barred(c: &mut Tx) -> Result<BTreeSet<WorkerId>, StoreError> {
+    let rows = c.all(sql("SELECT id FROM workers WHERE barred IS NOT NULL")).await?;
+    rows.iter().map(|row| parse("a worker id", &row.text("id")?)).collect()
+}
+
+/// The workers that [`connected`] counts.
+pub(super) async fn present(c: &mut Tx, job: JobId, now: UnixMillis) -> Result<Vec<WorkerId>, StoreError> {
+    let query = sql("SELECT id FROM workers WHERE seen >= $1 AND barred IS NULL
+         AND bake_version = (SELECT bake_version FROM jobs WHERE id = $2) ORDER BY id");
+    let rows = c.all(query.bind(now - SILENCE).bind(job.to_string())).await?;
+    rows.iter().map(|row| parse("a worker id", &row.text("id")?)).collect()
 }
 
 /// Credits an attempt that just ended to its worker and its job.

@@ -44,7 +44,9 @@ impl Farm {
             fresh.insert_tile(index);
             guilty.extend(refuted.into_iter().map(|worker| (worker, index)));
             match accepted {
-                Accepted::First if is_checked("secret", bake.id, phase, index, bake.share) => bake.checks.open(index, worker, *digest),
+                Accepted::First if is_checked("secret", bake.id, phase, index, bake.share) => {
+                    bake.shard(index).checks.open(index, worker, *digest);
+                }
                 Accepted::First => counted += 1,
                 _ => {}
             }
@@ -85,7 +87,7 @@ impl Farm {
     fn opinion(&mut self, lease: &Lease, tile: u64, digest: Digest) -> Promise {
         let (j, phase, index) = (lease.job, lease.phase, TileIndex(tile));
         self.oracle.met.insert("an opinion");
-        let liars = match self.jobs[j].checks.hear(index, lease.worker, digest) {
+        let liars = match self.jobs[j].shard(index).checks.hear(index, lease.worker, digest) {
             Verdict::Open => vec![],
             Verdict::Unsettled => return self.count(j, phase, 1),
             Verdict::Right(liars) => {
@@ -112,11 +114,10 @@ impl Farm {
     pub(in super::super) fn lose(&mut self, j: usize, tiles: &TileRuns) -> Promise<bool> {
         let bake = &mut self.jobs[j];
         let Some(phase) = bake.open else { return Ok(false) };
-        let counted = tiles.minus(&bake.checks.tiles()).len();
+        let counted = tiles.iter().filter(|tile| !bake.is_checked(*tile)).count() as u64;
         if counted > 0 && !self.happen(j, &job::Event::Lost { phase, tiles: counted })? {
             return Ok(false);
         }
-        self.jobs[j].checks.forget(tiles);
         self.take_back(j, tiles);
         Ok(true)
     }
@@ -137,7 +138,7 @@ impl Farm {
             if !own.is_empty() {
                 self.lose(j, &own)?;
             }
-            self.jobs[j].checks.distrust(worker);
+            self.jobs[j].shards.iter_mut().for_each(|shard| drop(shard.checks.distrust(worker)));
         }
         Ok(())
     }

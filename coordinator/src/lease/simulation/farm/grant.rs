@@ -56,7 +56,7 @@ impl Farm {
         while !open.is_empty() {
             let waiting = |j: &usize| self.jobs[*j].shards.iter().map(|s| s.pending.len()).sum();
             let claim = |j: &usize| Claim { job: self.jobs[*j].id, priority: *j as i32, pending: waiting(j), leased: 0, owner: None };
-            let claims: Vec<Claim<'_>> = open.iter().map(claim).collect();
+            let claims: Vec<Claim> = open.iter().map(claim).collect();
             let next = self.coordinators[c].ledger.choose(&claims, None)?;
             let j = self.jobs.iter().position(|bake| bake.id == next)?;
             for s in 0..self.jobs[j].shards.len() {
@@ -84,7 +84,15 @@ impl Farm {
             let running = |l: &Lease| {
                 let (remaining, ceilings) = (l.remaining()?.clone(), &bake.shards[(l.run.start / SHARD) as usize].ceilings);
                 let suspected = remaining.iter().any(|tile| ceilings.of(tile).is_some());
-                Some(Running { token: l.token, worker: l.worker, since: l.since, cost: l.run.len() * COST, remaining, twin_of: l.kind.twin_of(), suspected })
+                Some(Running {
+                    token: l.token,
+                    worker: l.worker,
+                    since: l.since,
+                    cost: l.run.len() * COST,
+                    remaining,
+                    twin_of: l.kind.twin_of(),
+                    suspected,
+                })
             };
             let running: Vec<Running> = held.filter_map(running).collect();
             let pending = bake.shards.iter().map(|shard| shard.pending.len()).sum();
@@ -108,12 +116,12 @@ impl Farm {
             if waits || self.leases.iter().any(|l| l.job == j && l.remaining().is_some_and(|rest| !rest.is_empty())) {
                 continue;
             }
-            let waived = self.jobs[j].checks.waive(&connected);
-            if !waived.is_empty() {
+            let waived: u64 = self.jobs[j].shards.iter_mut().map(|shard| shard.checks.waive(&connected).len()).sum();
+            if waived > 0 {
                 self.oracle.met.insert("a check waived");
                 self.oracle.waived.insert(j);
             }
-            self.count(j, phase, waived.len())?;
+            self.count(j, phase, waived)?;
         }
         Ok(())
     }
@@ -121,7 +129,7 @@ impl Farm {
     fn check_for(&mut self, worker: WorkerId) -> Option<(usize, Kind, TileRun)> {
         let open = self.leasing();
         open.into_iter().find_map(|j| {
-            let tile = self.jobs[j].checks.take(worker)?;
+            let tile = self.jobs[j].shards.iter_mut().find_map(|shard| shard.checks.take(worker))?;
             Some((j, Kind::Check, TileRun { start: tile.0, end: tile.0 + 1 }))
         })
     }

@@ -5,7 +5,7 @@ mod grant;
 
 use super::{
     super::{
-        Accepted, Action, Attempt, Charges, Checks, Claim, Event, Field, Finished, Kind, Ledger, Refuted, Running, Shard, Suspicion, Verdict,
+        Accepted, Action, Attempt, Charges, Claim, Event, Field, Finished, Kind, Ledger, Refuted, Running, Shard, Suspicion, Verdict,
         is_checked,
     },
     Dice, Promise, Slip,
@@ -44,11 +44,21 @@ pub(super) struct Bake {
     /// The phase that the shards are of, until they go.
     pub(super) open: Option<Phase>,
     pub(super) shards: Vec<Shard>,
-    pub(super) checks: Checks,
     /// Who delivered a tile, and which bytes.
     pub(super) segments: BTreeMap<u64, (WorkerId, Digest)>,
     pub(super) tasks: Vec<JobTask>,
     finished: Vec<Finished>,
+}
+
+impl Bake {
+    fn shard(&mut self, tile: TileIndex) -> &mut Shard {
+        &mut self.shards[(tile.0 / SHARD) as usize]
+    }
+
+    /// Whether a tile is done and not yet believed.
+    pub(super) fn is_checked(&self, tile: TileIndex) -> bool {
+        self.shards.iter().any(|shard| shard.checks.is_open(tile))
+    }
 }
 
 /// One row of attempts.
@@ -105,7 +115,6 @@ impl Farm {
             share: [0.0, 0.0, 0.3, 1.0][dice.roll(4) as usize],
             open: None,
             shards: vec![],
-            checks: Checks::default(),
             segments: BTreeMap::new(),
             tasks: vec![JobTask::Prepare],
             finished: vec![Finished { ms: 5, cost: COST }; 8],
@@ -144,7 +153,7 @@ impl Farm {
                 job::Action::OpenPhase { phase, tiles } => {
                     let runs = (0..tiles.div_ceil(SHARD)).map(|k| TileRun { start: k * SHARD, end: ((k + 1) * SHARD).min(tiles) });
                     bake.shards = runs.map(|run| Shard { pending: TileRuns::from_run(run), ..Shard::default() }).collect();
-                    (bake.open, bake.checks) = (Some(phase), Checks::default());
+                    bake.open = Some(phase);
                     bake.segments.clear();
                     self.oracle.forget(j);
                 }
@@ -207,8 +216,8 @@ impl Farm {
             return;
         }
         match lease.kind {
-            Kind::Check => bake.checks.give_back(TileIndex(lease.run.start)),
-            Kind::Work | Kind::Twin(_) => bake.shards[(lease.run.start / SHARD) as usize].give_back(tiles),
+            Kind::Check => bake.shard(TileIndex(lease.run.start)).checks.give_back(TileIndex(lease.run.start)),
+            Kind::Work | Kind::Twin(_) => bake.shard(TileIndex(lease.run.start)).give_back(tiles),
         }
     }
 
