@@ -25,6 +25,7 @@ mod render;
 mod serve;
 mod submit;
 mod table;
+mod telemetry;
 mod token;
 mod view;
 mod viewer;
@@ -35,7 +36,6 @@ use clap::{Parser, Subcommand};
 use error::CommandError;
 use package::ToolError;
 use std::process::ExitCode;
-use tracing_subscriber::EnvFilter;
 
 /// Kiln bakes lighting that depends on the viewer.
 ///
@@ -48,9 +48,8 @@ struct Cli {
     /// Print results as JSON
     #[arg(long, global = true)]
     json: bool,
-    /// What to log, in the syntax of `tracing` filters [default: warn, and for `serve` kiln::audit=info too]
-    #[arg(long, global = true, value_name = "FILTER", env = "KILN_LOG")]
-    log: Option<String>,
+    #[command(flatten)]
+    telemetry: telemetry::TelemetryArgs,
 }
 
 #[derive(Debug, Subcommand)]
@@ -87,12 +86,15 @@ enum Command {
 fn main() -> ExitCode {
     kiln_coordinator::crypto::choose();
     let cli = Cli::parse();
-    let log = cli.log.as_deref().unwrap_or(if matches!(cli.command, Command::Serve(_)) { "warn,kiln::audit=info" } else { "warn" });
-    let filter = match EnvFilter::try_new(log) {
-        Ok(filter) => filter,
-        Err(e) => return fail(&CommandError::usage(format!("log filter `{log}`: {e}"))),
+    let (service, log) = match cli.command {
+        Command::Serve(_) => ("kiln-coordinator", "warn,kiln::audit=info"),
+        Command::Work(_) => ("kiln-worker", "warn"),
+        _ => ("kiln", "warn"),
     };
-    tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).init();
+    let _telemetry = match cli.telemetry.start(service, log) {
+        Ok(telemetry) => telemetry,
+        Err(error) => return fail(&error),
+    };
     match run(&cli) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => fail(&error),

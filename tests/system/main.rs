@@ -6,6 +6,7 @@ mod access;
 mod bad_input;
 mod bake;
 mod browser;
+mod chaos;
 mod cluster;
 mod convert;
 mod deploy;
@@ -27,6 +28,7 @@ mod render;
 mod sandbox;
 mod servers;
 mod service;
+mod telemetry;
 #[cfg(feature = "page")]
 mod viewer;
 mod worker_faults;

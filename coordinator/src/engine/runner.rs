@@ -7,6 +7,7 @@ use crate::{
 };
 use kiln_proto::ids::Token;
 use std::{future::Future, sync::Arc, time::Duration};
+use tracing::Instrument;
 
 /// A task expires this long after it was renewed last, milliseconds.
 const TTL: i64 = 60_000;
@@ -26,7 +27,10 @@ pub(super) async fn run(core: Arc<Core>) {
         tokio::pin!(woken);
         woken.as_mut().enable();
         match core.store.take_task(Token::random(), core.now() + TTL, core.now()).await {
-            Ok(Some(lease)) => see_through(&core, lease).await,
+            Ok(Some(lease)) => {
+                let span = tracing::info_span!("task", task = ?lease.task);
+                see_through(&core, lease).instrument(span).await;
+            }
             Ok(None) => drop(tokio::time::timeout(IDLE, woken).await),
             Err(error) => {
                 tracing::error!(%error, "taking a task failed");

@@ -49,9 +49,10 @@ pub(super) async fn observe(State(app): State<App>, request: Request, next: Next
     let id = Uuid::now_v7();
     let method = request.method().clone();
     let route = request.extensions().get::<MatchedPath>().map_or_else(|| "unmatched".to_owned(), |path| path.as_str().to_owned());
-    let span = tracing::info_span!("request", %id, %method, route);
+    let span = tracing::info_span!("request", %id, %method, route, otel.kind = "server", status = tracing::field::Empty);
     let mut response = async {
         let response = next.run(request).await;
+        tracing::Span::current().record("status", response.status().as_u16());
         tracing::debug!(status = response.status().as_u16(), micros = began.elapsed().as_micros(), "answered");
         response
     }

@@ -21,6 +21,7 @@ use kiln_proto::{
 };
 use std::sync::Arc;
 use tokio::sync::mpsc;
+use tracing::Instrument;
 
 /// Finished segments that may wait to be packed before tracing pauses.
 const SEGMENTS_IN_FLIGHT: usize = 8;
@@ -43,7 +44,8 @@ impl Bench {
         let attempt = Arc::new(Attempt::new(token));
         self.ledger.open(token);
         let heart = Heart::start(self.session.clone(), attempt.clone(), self.ledger.clone());
-        let result = self.bake(cache, grant, &attempt).await;
+        let span = tracing::info_span!("attempt", %token, job = %grant.job, phase = %grant.phase, tiles = grant.tiles.len());
+        let result = self.bake(cache, grant, &attempt).instrument(span).await;
         if let Err(reason) = &result {
             tracing::error!(%token, reason, "the attempt failed");
         }
