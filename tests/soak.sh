@@ -30,6 +30,9 @@ cargo build --bin kiln
 step "the estimator against true radiance: all queries"
 cargo test --test system -- --nocapture reference
 
+step "a storm over three coordinators and twenty workers"
+cargo test --test system -- --nocapture chaos | tee "$OUT/chaos.txt"
+
 step "glTF's materials against Mitsuba: every value of a floor of GGX"
 cargo test -p kiln-worker --lib -- --nocapture a_floor_of_ggx
 

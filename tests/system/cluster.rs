@@ -13,7 +13,7 @@ use std::{
     path::Path,
     process::Stdio,
     sync::{
-        Arc,
+        Arc, Mutex,
         atomic::{AtomicUsize, Ordering},
     },
     thread,
@@ -24,19 +24,23 @@ use tempfile::TempDir;
 const LONGER: &[&str] = &["--samples", "96"];
 
 /// Passes connections on to whichever of some servers takes them, in turn.
-struct Balancer {
+pub(crate) struct Balancer {
     address: SocketAddr,
+    servers: Arc<Mutex<Vec<u16>>>,
 }
 
 impl Balancer {
-    fn before(servers: Vec<u16>) -> Self {
+    /// Before servers on these ports.
+    pub(crate) fn before(servers: Vec<u16>) -> Self {
+        let servers = Arc::new(Mutex::new(servers));
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let address = listener.local_addr().unwrap();
         let turn = Arc::new(AtomicUsize::new(0));
+        let behind = Arc::clone(&servers);
         // It ends with the test's process.
         thread::spawn(move || {
             for client in listener.incoming().flatten() {
-                let (servers, turn) = (servers.clone(), Arc::clone(&turn));
+                let (servers, turn) = (behind.lock().unwrap().clone(), Arc::clone(&turn));
                 thread::spawn(move || {
                     let first = turn.fetch_add(1, Ordering::Relaxed);
                     let reached =
@@ -47,10 +51,15 @@ impl Balancer {
                 });
             }
         });
-        Self { address }
+        Self { address, servers }
     }
 
-    fn url(&self) -> String {
+    /// The n-th server listens on another port now.
+    pub(crate) fn moved(&self, n: usize, port: u16) {
+        self.servers.lock().unwrap()[n] = port;
+    }
+
+    pub(crate) fn url(&self) -> String {
         format!("http://{}", self.address)
     }
 }
@@ -68,10 +77,11 @@ fn join(client: TcpStream, server: TcpStream) {
     let _ = there.join();
 }
 
-fn coordinator(dir: &Path, name: &str, store: &str, s3: &S3) -> Server {
+/// A coordinator on a database and an S3 at `endpoint`, with leases that are short enough for a test.
+pub(crate) fn coordinator(dir: &Path, name: &str, store: &str, endpoint: &str) -> Server {
     let config = dir.join(format!("{name}.toml"));
     std::fs::write(&config, "[lease]\nttl_ms = 3000\nheartbeat_ms = 500\ntarget_ms = 600\n\n[chunks]\nage_ms = 150\n").unwrap();
-    let environment = s3_environment(&format!("http://{}", s3.address));
+    let environment = s3_environment(endpoint);
     let more = ["--blobs", "s3://kiln/farm", "--config", config.to_str().unwrap(), "--store", store];
     Server::start_with(&environment, &dir.join(name), &more)
 }
@@ -92,9 +102,9 @@ fn a_coordinator_killed_mid_bake_is_not_missed() {
     let expected = dir.path().join("undisturbed");
     bake_room(&expected, LONGER);
     let (postgres, s3) = (Postgres::start(), S3::start());
-    let store = postgres.database();
-    let mut doomed = coordinator(dir.path(), "doomed", &store, &s3);
-    let heir = coordinator(dir.path(), "heir", &store, &s3);
+    let (store, bucket) = (postgres.database(), format!("http://{}", s3.address));
+    let mut doomed = coordinator(dir.path(), "doomed", &store, &bucket);
+    let heir = coordinator(dir.path(), "heir", &store, &bucket);
     let balancer = Balancer::before(vec![doomed.port, heir.port]);
     let _workers: Vec<Process> = (0..4).map(|_| worker(&balancer.url())).collect();
     let mut args: Vec<String> = ["--json", "submit", "--server", &balancer.url()].map(str::to_owned).to_vec();
@@ -114,7 +124,7 @@ fn a_coordinator_killed_mid_bake_is_not_missed() {
     watching.0.stderr.take().unwrap().read_to_string(&mut words).ok();
     assert!(status.success(), "`kiln watch` went on through the other: {words}");
     // A third one, on the same store and bucket, serves what the others made.
-    let late = coordinator(dir.path(), "late", &store, &s3);
+    let late = coordinator(dir.path(), "late", &store, &bucket);
     assert_eq!(manifest(&heir.url, job), manifest(&late.url, job));
     let package = dir.path().join("package");
     succeed(["fetch", job, "--server", &late.url, "-o", package.to_str().unwrap()]);

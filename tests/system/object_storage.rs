@@ -16,7 +16,7 @@ use tempfile::{NamedTempFile, TempDir};
 mod conformance;
 
 /// One request in twenty, in turn: an error, a plea to slow down, half of a blob, a pause.
-fn one_in_twenty(number: u64, method: &Method, uri: &Uri) -> Option<Fault> {
+pub(crate) fn one_in_twenty(number: u64, method: &Method, uri: &Uri) -> Option<Fault> {
     let is_blob = method == Method::GET && uri.path().contains("/blake3/");
     let half = if is_blob { Fault::Half } else { Fault::Status(500) };
     let faults = [Fault::Status(500), Fault::Status(503), half, Fault::Late(Duration::from_millis(300))];
