@@ -1,7 +1,7 @@
 //! What happens without being asked for: tasks, expiry, forgetting, collecting garbage.
 
 use super::{core::Core, dispatch, hints, roster, runner};
-use crate::records::UnixMillis;
+use crate::{records::UnixMillis, store::REQUEST_KEPT};
 use futures_util::TryStreamExt;
 use std::{
     sync::{Arc, atomic::Ordering},
@@ -62,6 +62,9 @@ async fn tidy(core: Arc<Core>) {
         let workers_before = now - core.config.keep.dead_workers_ms as i64;
         if let Err(error) = core.store.forget(now - ATTEMPTS_KEPT, workers_before).await {
             tracing::error!(%error, "forgetting old attempts failed");
+        }
+        if let Err(error) = core.store.forget_requests(now - REQUEST_KEPT).await {
+            tracing::error!(%error, "forgetting answers to repeated requests failed");
         }
         match collect(&core, now - core.config.keep.unnamed_blobs_ms as i64).await {
             Ok(0) => {}

@@ -26,9 +26,20 @@ impl Engine {
     /// # Errors
     /// Settings out of range, an unknown or rejected scene, texture sizes for surfaces that a ready scene does not have.
     pub async fn create_job(&self, new: NewJob, by: &Principal) -> Result<JobRecord, EngineError> {
+        self.create_job_as(JobId::random(), new, by).await
+    }
+
+    /// As [`Engine::create_job`], under an id. Where there is such a job already, an earlier try went this far: that job is the answer.
+    ///
+    /// # Errors
+    /// As [`Engine::create_job`].
+    pub async fn create_job_as(&self, id: JobId, new: NewJob, by: &Principal) -> Result<JobRecord, EngineError> {
+        if let Some(row) = self.core.store.job(id).await? {
+            return Ok(progress::record(&self.core, row));
+        }
         let (scene, settings) = self.validate(&new, by).await?;
         let spec = JobSpec {
-            id: JobId::random(),
+            id,
             scene: scene.record.id,
             settings,
             priority: new.priority,

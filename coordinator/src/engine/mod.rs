@@ -52,7 +52,7 @@ use self::core::Core;
 use crate::{
     config::Config,
     records::{Throughput, UnixMillis, WorkerRecord},
-    store::TokenStore,
+    store::{RequestStore, TokenStore},
 };
 use std::{
     fs::File,
@@ -94,6 +94,12 @@ impl Engine {
     #[must_use]
     pub fn tokens(&self) -> Arc<dyn TokenStore> {
         Arc::clone(&self.core.store) as Arc<dyn TokenStore>
+    }
+
+    /// Where requests that may be repeated are kept.
+    #[must_use]
+    pub fn requests(&self) -> Arc<dyn RequestStore> {
+        Arc::clone(&self.core.store) as Arc<dyn RequestStore>
     }
 
     /// This engine's clock.

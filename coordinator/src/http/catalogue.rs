@@ -124,6 +124,12 @@ kinds! {
     Conflict "conflict" CONFLICT "The request does not fit the present state"
         "Something has changed since; `detail` says what."
         "GET the resource and decide again.";
+    KeyReused "idempotency-key-reused" UNPROCESSABLE_ENTITY "The Idempotency-Key belongs to another request"
+        "A request with this key came within the last 24 hours, with another body, path or query."
+        "Make a fresh key for every new request; keep it only to repeat the very same one.";
+    KeyInUse "idempotency-key-in-use" CONFLICT "The request is being performed"
+        "The first request with this Idempotency-Key is not answered yet."
+        "Repeat it after the seconds that Retry-After names, with the same key: the answer is then that of the first.";
     Busy "busy" SERVICE_UNAVAILABLE "The service is busy"
         "Too much is under way, or a part that the service stands on does not answer."
         "Try again after the seconds that Retry-After names.";

@@ -9,6 +9,7 @@
 pub mod conformance;
 mod error;
 mod model;
+mod requests;
 mod rows;
 mod sql;
 mod tables;
@@ -20,6 +21,7 @@ pub use model::{
     JobFilter, JobRow, JobSpec, NewChunk, PlanRef, SceneRow, StoredFile, StoredPackageFile, Task, TaskLease, TaskResult,
 };
 use model::{Beat, Delivery, Ending};
+pub use requests::{Claimed, KeptAnswer, NewRequest, REQUEST_KEPT, RequestStore};
 pub use sql::SqlStore;
 pub use tokens::TokenStore;
 
@@ -43,7 +45,7 @@ pub const TASK_TRIES: u32 = 20;
 
 /// The state of the farm. All errors are failures of the store itself; what does not exist or does not fit is part of the answers.
 #[async_trait::async_trait]
-pub trait Store: TokenStore {
+pub trait Store: TokenStore + RequestStore {
     /// Whether other coordinators may use it too.
     fn is_shared(&self) -> bool;
 

@@ -5,6 +5,7 @@ mod jobs;
 mod package;
 mod page;
 mod preview;
+mod repeats;
 mod surface;
 mod tcp;
 mod tls;

@@ -4,6 +4,7 @@ mod concurrent;
 mod failures;
 mod jobs;
 mod leases;
+mod requests;
 mod schedule;
 mod tokens;
 
@@ -44,6 +45,10 @@ pub(crate) async fn all<F: Future<Output = Arc<dyn Store>>>(fresh: impl Fn() -> 
     tokens::tokens_are_kept_rotated_and_revoked_once(&*fresh().await).await;
     tokens::the_secret_of_the_service_is_made_once(&*fresh().await).await;
     tokens::scenes_and_jobs_have_owners(&*fresh().await).await;
+    requests::a_key_has_one_request_and_one_answer(&*fresh().await).await;
+    requests::a_claim_that_ends_without_an_answer_is_free_again(&*fresh().await).await;
+    requests::answers_are_forgotten_after_a_day(&*fresh().await).await;
+    requests::a_claim_is_given_once(&*fresh().await).await;
     schedule::random_schedules_agree_with_the_oracle(&*fresh().await).await;
     let store = fresh().await;
     concurrent(Arc::clone(&store), store).await;

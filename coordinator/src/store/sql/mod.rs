@@ -9,6 +9,7 @@ mod access;
 mod database;
 mod group;
 mod postgres;
+mod requests;
 mod sqlite;
 mod statement;
 mod store;

@@ -16,7 +16,7 @@ use std::{str::FromStr, time::Duration};
 
 /// One entry per schema: what takes a database from the one before to it, and the oldest schema whose programs can go on beside it. Entries
 /// are never edited, only added.
-const MIGRATIONS: [(&str, i64); 1] = [(include_str!("schema/postgres1.sql"), 1)];
+const MIGRATIONS: [(&str, i64); 2] = [(include_str!("schema/postgres1.sql"), 1), (include_str!("schema/postgres2.sql"), 1)];
 
 /// Connections of one coordinator.
 const CONNECTIONS: u32 = 10;

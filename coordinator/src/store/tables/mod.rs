@@ -13,6 +13,7 @@ mod locks;
 pub(super) mod lost;
 pub(super) mod packages;
 mod poison;
+pub(super) mod requests;
 pub(super) mod scenes;
 pub(super) mod shards;
 pub(super) mod tasks;

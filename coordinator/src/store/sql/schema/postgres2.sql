@@ -1,0 +1,14 @@
+-- Schema 2. Requests that may be repeated: what was answered to an Idempotency-Key of an owner ('' where nobody asked for tokens), or who is
+-- about to answer it and until when.
+CREATE TABLE requests (
+    owner    TEXT COLLATE "C" NOT NULL,
+    key      TEXT COLLATE "C" NOT NULL,
+    print    TEXT COLLATE "C" NOT NULL,
+    subject  TEXT COLLATE "C" NOT NULL,
+    claim    TEXT COLLATE "C" UNIQUE,
+    deadline BIGINT,
+    began    BIGINT NOT NULL,
+    answer   TEXT,
+    PRIMARY KEY (owner, key)
+);
+CREATE INDEX requests_by_age ON requests (began);
