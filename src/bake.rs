@@ -13,13 +13,10 @@ use crate::{
 use clap::Args;
 use kiln_coordinator::{
     config::Config,
-    records::{JobRecord, JobState},
+    records::{JobRecord, JobState, NewJob},
 };
 use kiln_proto::ids::JobId;
-use std::{
-    collections::BTreeMap,
-    path::{Path, PathBuf},
-};
+use std::path::{Path, PathBuf};
 
 /// Bake scenes on this machine
 #[derive(Debug, Args)]
@@ -61,7 +58,8 @@ pub async fn run(args: &BakeArgs, json: bool) -> Result<(), CommandError> {
     let mut delivered = Vec::new();
     let work = async {
         for ((scene, target), bundle) in targets.iter().zip(bundles) {
-            let job = submit::create(&api, &bundle, settings.clone(), 0, BTreeMap::new()).await.map_err(Failure::Bake)?;
+            let new = NewJob { settings: settings.clone(), ..NewJob::default() };
+            let job = submit::create(&api, &bundle, new).await.map_err(Failure::Bake)?;
             let done = progress::follow(&api, job.id).await.and_then(finished).map_err(Failure::Bake)?;
             fetch::deliver(&api, done.id, args.content, target).await.map_err(|e| Failure::Delivery(done.id, e))?;
             delivered.push(target.display().to_string());

@@ -43,6 +43,12 @@ pub struct ServeArgs {
     /// The key of the certificate (PEM)
     #[arg(long, value_name = "FILE", env = "KILN_TLS_KEY", requires = "tls_cert")]
     tls_key: Option<PathBuf>,
+    /// Where webhooks of jobs may go; may be repeated. Without a port, the scheme's own [default: nowhere]
+    #[arg(long, value_name = "HOST[:PORT]")]
+    webhook_allow: Vec<String>,
+    /// A file with the secret that webhooks are signed with: `whsec_` and 24 to 64 bytes in base64
+    #[arg(long, value_name = "FILE")]
+    webhook_secret_file: Option<PathBuf>,
     /// Listen on an address that other machines reach although nothing checks who calls
     #[arg(long)]
     insecure_no_auth: bool,
@@ -70,6 +76,12 @@ impl ServeArgs {
         if self.tls_cert.is_some() {
             config.access.tls_cert.clone_from(&self.tls_cert);
             config.access.tls_key.clone_from(&self.tls_key);
+        }
+        if !self.webhook_allow.is_empty() {
+            config.webhooks.allow.clone_from(&self.webhook_allow);
+        }
+        if self.webhook_secret_file.is_some() {
+            config.webhooks.secret_file.clone_from(&self.webhook_secret_file);
         }
         let problems = config.check();
         if !problems.is_empty() {

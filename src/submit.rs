@@ -8,7 +8,7 @@ use kiln_coordinator::{
     import::bundle::{self, Bundle},
     records::{JobRecord, NewJob},
 };
-use kiln_proto::{options::ImportOptions, settings::SettingsPatch};
+use kiln_proto::options::ImportOptions;
 use std::{
     collections::BTreeMap,
     path::{Path, PathBuf},
@@ -31,6 +31,9 @@ pub struct SubmitArgs {
     /// A label for your own use; may be repeated
     #[arg(long, value_name = "KEY=VALUE", value_parser = label)]
     label: Vec<(String, String)>,
+    /// Tell this address when a job is done, has failed or was cancelled; the service must allow it (`kiln serve --webhook-allow`)
+    #[arg(long, value_name = "URL")]
+    webhook: Option<String>,
     #[command(flatten)]
     import: ImportArgs,
     #[command(flatten)]
@@ -50,7 +53,9 @@ pub async fn run(args: &SubmitArgs, json: bool) -> Result<(), CommandError> {
     let labels: BTreeMap<_, _> = args.label.iter().cloned().collect();
     for scene in &args.scenes {
         let scene = collect(scene, &args.import, scratch.path())?;
-        let job = create(&api, &scene, settings.clone(), args.priority, labels.clone()).await?;
+        let (settings, labels, webhook) = (settings.clone(), labels.clone(), args.webhook.clone());
+        let new = NewJob { settings, priority: args.priority, labels, webhook, ..NewJob::default() };
+        let job = create(&api, &scene, new).await?;
         if json {
             output::json(&serde_json::json!({"id": job.id}))?;
         } else {
@@ -63,19 +68,13 @@ pub async fn run(args: &SubmitArgs, json: bool) -> Result<(), CommandError> {
     Ok(())
 }
 
-/// Uploads a scene and creates its job; warnings of the import go to stderr.
-pub async fn create(
-    api: &Api,
-    scene: &Collected,
-    settings: SettingsPatch,
-    priority: i32,
-    labels: BTreeMap<String, String>,
-) -> Result<JobRecord, CommandError> {
+/// Uploads a scene and creates `job` of it; warnings of the import go to stderr.
+pub async fn create(api: &Api, scene: &Collected, job: NewJob) -> Result<JobRecord, CommandError> {
     let record = api.upload(&scene.bundle, &scene.options).await?;
     for warning in &record.warnings {
         eprintln!("warning: {warning}");
     }
-    api.create_job(&NewJob { scene: record.id.to_string(), settings, priority, labels }).await
+    api.create_job(&NewJob { scene: record.id.to_string(), ..job }).await
 }
 
 /// A scene as it is on its way to an import.

@@ -2,7 +2,7 @@
 //!
 //! Unknown keys are refused by name. [`Config::check`] finds every problem at once, because a person who fixes a file wants the whole list.
 
-use crate::{blob::Location, records::Problem, sandbox::SandboxConfig};
+use crate::{blob::Location, records::Problem, sandbox::SandboxConfig, webhook::WebhookConfig};
 use serde::{Deserialize, Serialize};
 use std::{
     net::SocketAddr,
@@ -36,6 +36,8 @@ pub struct Config {
     pub sandbox: SandboxConfig,
     /// Who may do what, and over what.
     pub access: AccessConfig,
+    /// Whom the service may tell of the end of jobs.
+    pub webhooks: WebhookConfig,
     /// Coordinator tasks (import, assembly) that run at the same time.
     pub tasks: u32,
     /// Bytes that must stay free on the data folder's disk beside what a job is estimated to need.
@@ -127,6 +129,7 @@ impl Default for Config {
             keep: KeepConfig::default(),
             sandbox: SandboxConfig::default(),
             access: AccessConfig::default(),
+            webhooks: WebhookConfig::default(),
             tasks: 2,
             reserve_bytes: 256 << 20,
         }
@@ -253,6 +256,7 @@ impl Config {
             access.tls_cert.is_some() == access.tls_key.is_some(),
             "access.tls_cert and access.tls_key: one is of no use without the other".into(),
         );
+        problems.extend(self.webhooks.check());
         problems
     }
 }

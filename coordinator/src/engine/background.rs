@@ -1,7 +1,10 @@
 //! What happens without being asked for: tasks, expiry, forgetting, collecting garbage.
 
 use super::{core::Core, dispatch, hints, roster, runner};
-use crate::{records::UnixMillis, store::REQUEST_KEPT};
+use crate::{
+    records::UnixMillis,
+    store::{Lane, REQUEST_KEPT},
+};
 use futures_util::TryStreamExt;
 use std::{
     sync::{Arc, atomic::Ordering},
@@ -16,10 +19,16 @@ const TIDY: Duration = Duration::from_secs(600);
 /// Attempts that ended are remembered for repeated calls this long, milliseconds.
 const ATTEMPTS_KEPT: i64 = 600_000;
 
+/// Webhooks that are told at the same time.
+const NOTICES: usize = 4;
+
 /// Starts all of it.
 pub(super) fn start(core: &Arc<Core>, set: &mut JoinSet<()>) {
     for _ in 0..core.config.tasks {
-        set.spawn(runner::run(Arc::clone(core)));
+        set.spawn(runner::run(Arc::clone(core), Lane::Work));
+    }
+    for _ in 0..NOTICES {
+        set.spawn(runner::run(Arc::clone(core), Lane::Notices));
     }
     set.spawn(dispatch::run(Arc::clone(core)));
     set.spawn(sweep(Arc::clone(core)));

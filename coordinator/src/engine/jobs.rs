@@ -47,6 +47,7 @@ impl Engine {
             bake_version: BAKE_VERSION,
             on_poison: OnPoison::Fail,
             owner: by.owner(),
+            webhook: new.webhook,
         };
         let row = self.core.store.add_job(&spec, self.now()).await?;
         self.core.signals.tasks.notify_waiters();
@@ -55,6 +56,7 @@ impl Engine {
 
     async fn validate(&self, new: &NewJob, by: &Principal) -> Result<(SceneRow, BakeSettings), EngineError> {
         let settings = new.settings.resolve().map_err(|e| EngineError::invalid(e.to_string()))?;
+        new.webhook.as_deref().map_or(Ok(()), |address| self.check_webhook(address))?;
         let long = |text: &String| text.len() > limits::NAME_BYTES;
         if new.labels.len() > LABELS || new.labels.iter().any(|(k, v)| long(k) || long(v)) {
             return Err(EngineError::invalid(format!("labels: at most {LABELS}, each name and value up to {} bytes", limits::NAME_BYTES)));
@@ -78,6 +80,15 @@ impl Engine {
             }
         }
         Ok((scene, settings))
+    }
+
+    /// Whether jobs may ask to tell this address of their end.
+    ///
+    /// # Errors
+    /// [`EngineError::Webhook`], which says why not.
+    pub fn check_webhook(&self, address: &str) -> Result<(), EngineError> {
+        self.core.webhooks.check(address)?;
+        Ok(())
     }
 
     /// What a job would cost, without creating it. The scene must be ready.

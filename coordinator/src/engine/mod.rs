@@ -19,6 +19,7 @@ mod jobs;
 mod leases;
 mod live;
 mod meter;
+mod notices;
 mod open;
 mod packages;
 pub mod ports;

@@ -24,7 +24,7 @@ use axum::{
 };
 use kiln_proto::{ids::JobId, options::ImportOptions, settings::SettingsPatch};
 use serde::Serialize;
-use std::{collections::BTreeMap, sync::Arc};
+use std::sync::Arc;
 use utoipa::ToSchema;
 
 upload_query! {
@@ -38,6 +38,8 @@ upload_query! {
         /// Higher goes first.
         #[serde(default)]
         priority: i32,
+        /// Whom to tell when the job is done, has failed or was cancelled: an address that the service is configured to allow.
+        webhook: Option<String>,
     }
 }
 
@@ -68,13 +70,14 @@ pub(super) async fn create(
     // What the query says is judged before gigabytes are read.
     let options = query.options()?;
     let given = query.settings.as_deref().map(|text| parse(text.as_bytes())).transpose()?;
+    query.webhook.as_deref().map_or(Ok(()), |address| app.engine.check_webhook(address))?;
     let mut upload = Upload::receive(&app.engine, request, query.name.as_deref()).await?;
     let part = upload.settings.take().map(|json| parse(&json)).transpose()?;
     if given.is_some() && part.is_some() {
         return Err(Failure::new(Kind::InvalidRequest, "settings come both in the query and in a part; say them once").field("settings"));
     }
     let settings = given.or(part).unwrap_or_default();
-    let new = NewJob { scene: String::new(), settings, priority: query.priority, labels: BTreeMap::new() };
+    let new = NewJob { settings, priority: query.priority, webhook: query.webhook, ..NewJob::default() };
     let engine = Arc::clone(&app.engine);
     repeatable.once(&engine, &caller, upload.contents, |id| bake(app, caller, JobId(id), upload, options, new)).await
 }

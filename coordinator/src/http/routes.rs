@@ -200,6 +200,7 @@ const BAKE: &[Kind] = &[
     Kind::SceneRejected,
     Kind::KeyReused,
     Kind::KeyInUse,
+    Kind::WebhookRefused,
     Kind::StorageFull,
 ];
 const NEW_JOB: &[Kind] = &[
@@ -213,6 +214,7 @@ const NEW_JOB: &[Kind] = &[
     Kind::InvalidSettings,
     Kind::KeyReused,
     Kind::KeyInUse,
+    Kind::WebhookRefused,
     Kind::StorageFull,
 ];
 const CHANGE: &[Kind] = &[

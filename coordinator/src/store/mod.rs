@@ -18,7 +18,7 @@ mod tokens;
 pub use error::StoreError;
 pub use model::{
     AttemptRow, Candidate, ChunkOutcome, ChunkRow, ChunkTile, Contribution, EventPage, Expiry, Figures, FinishOutcome, Grant, Hints,
-    JobFilter, JobRow, JobSpec, NewChunk, PlanRef, SceneRow, StoredFile, StoredPackageFile, Task, TaskLease, TaskResult,
+    JobFilter, JobRow, JobSpec, Lane, NewChunk, Notice, PlanRef, SceneRow, StoredFile, StoredPackageFile, Task, TaskLease, TaskResult,
 };
 use model::{Beat, Delivery, Ending};
 pub use requests::{Claimed, KeptAnswer, NewRequest, REQUEST_KEPT, RequestStore};
@@ -101,8 +101,12 @@ pub trait Store: TokenStore + RequestStore {
     /// The compressed bytes of a plan that a job has or had.
     async fn plan(&self, digest: Digest) -> Result<Option<BlobName>, StoreError>;
 
-    /// Takes the oldest task that waits and is due, until `deadline`.
+    /// Takes the oldest task that waits and is due, until `deadline`; notices have a method of their own, so that receivers who keep them
+    /// waiting keep no job waiting.
     async fn take_task(&self, token: Token, deadline: UnixMillis, now: UnixMillis) -> Result<Option<TaskLease>, StoreError>;
+
+    /// As [`Store::take_task`], the oldest [`Task::Notify`].
+    async fn take_notice(&self, token: Token, deadline: UnixMillis, now: UnixMillis) -> Result<Option<TaskLease>, StoreError>;
 
     /// Extends a task. Whether the token still holds it.
     async fn renew_task(&self, token: Token, deadline: UnixMillis) -> Result<bool, StoreError>;

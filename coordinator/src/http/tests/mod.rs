@@ -10,6 +10,7 @@ mod surface;
 mod tcp;
 mod tls;
 mod uploads;
+mod webhooks;
 mod worker;
 
 use super::{App, HostPolicy};

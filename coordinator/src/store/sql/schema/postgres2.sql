@@ -1,5 +1,5 @@
 -- Schema 2. Requests that may be repeated: what was answered to an Idempotency-Key of an owner ('' where nobody asked for tokens), or who is
--- about to answer it and until when.
+-- about to answer it and until when. Webhooks: whom to tell of the end of a job, and the tasks that tell it, which have a lane of their own.
 CREATE TABLE requests (
     owner    TEXT COLLATE "C" NOT NULL,
     key      TEXT COLLATE "C" NOT NULL,
@@ -12,3 +12,6 @@ CREATE TABLE requests (
     PRIMARY KEY (owner, key)
 );
 CREATE INDEX requests_by_age ON requests (began);
+
+ALTER TABLE jobs ADD COLUMN webhook TEXT;
+ALTER TABLE tasks ADD COLUMN notice BIGINT NOT NULL DEFAULT 0;
