@@ -93,6 +93,9 @@ pub struct KeepConfig {
     pub dead_workers_ms: u64,
     /// Blobs that no row names, milliseconds.
     pub unnamed_blobs_ms: u64,
+    /// Jobs that have ended, with everything they hold, and uploads that no job uses, milliseconds; for ever where nothing is said.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub jobs_ms: Option<u64>,
 }
 
 /// Access to the service. Tokens themselves are made with `kiln token`.
@@ -163,7 +166,7 @@ impl Default for AccessConfig {
 
 impl Default for KeepConfig {
     fn default() -> Self {
-        Self { dead_workers_ms: 24 * 3_600_000, unnamed_blobs_ms: 3_600_000 }
+        Self { dead_workers_ms: 24 * 3_600_000, unnamed_blobs_ms: 3_600_000, jobs_ms: None }
     }
 }
 
@@ -246,6 +249,11 @@ impl Config {
         );
         require(sandbox.cpu_seconds >= 1 && sandbox.seconds >= 1, "sandbox.cpu_seconds, sandbox.seconds: must be at least 1".into());
         require((1..=1_024).contains(&chunks.concurrent), format!("chunks.concurrent: {} is not between 1 and 1024", chunks.concurrent));
+        require(
+            // The moment that it comes to must be one that can be counted back to.
+            self.keep.jobs_ms.is_none_or(|kept| (60_000..=1 << 52).contains(&kept)),
+            "keep.jobs_ms: must be at least 60000, a minute; leave it out to keep jobs for ever".into(),
+        );
         require(access.requests_per_s >= 1, "access.requests_per_s: must be at least 1".into());
         require(access.burst >= 1, "access.burst: must be at least 1".into());
         require(

@@ -26,6 +26,7 @@ pub mod ports;
 mod preview;
 mod progress;
 mod report;
+mod retention;
 mod roster;
 mod runner;
 mod scenes;

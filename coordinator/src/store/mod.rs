@@ -10,6 +10,7 @@ pub mod conformance;
 mod error;
 mod model;
 mod requests;
+mod retention;
 mod rows;
 mod sql;
 mod tables;
@@ -22,6 +23,7 @@ pub use model::{
 };
 use model::{Beat, Delivery, Ending};
 pub use requests::{Claimed, KeptAnswer, NewRequest, REQUEST_KEPT, RequestStore};
+pub use retention::RetentionStore;
 pub use sql::SqlStore;
 pub use tokens::TokenStore;
 
@@ -45,7 +47,7 @@ pub const TASK_TRIES: u32 = 20;
 
 /// The state of the farm. All errors are failures of the store itself; what does not exist or does not fit is part of the answers.
 #[async_trait::async_trait]
-pub trait Store: TokenStore + RequestStore {
+pub trait Store: TokenStore + RequestStore + RetentionStore {
     /// Whether other coordinators may use it too.
     fn is_shared(&self) -> bool;
 

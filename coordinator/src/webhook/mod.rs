@@ -60,6 +60,11 @@ impl Webhooks {
         Ok(Self { allow, secret: secret.map_err(|bad| Problem::new(format!("webhooks.secret_file: {bad}")))? })
     }
 
+    /// Whether any can be sent.
+    pub(crate) fn are_on(&self) -> bool {
+        self.secret.is_some() && !self.allow.is_empty()
+    }
+
     /// The address that `text` is.
     ///
     /// # Errors

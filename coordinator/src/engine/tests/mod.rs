@@ -8,6 +8,7 @@ mod live;
 mod lost;
 mod notices;
 pub(crate) mod real;
+mod retention;
 
 use super::{
     Engine, EngineError, JobFilter, Parts, UploadedFile, background,

@@ -6,6 +6,7 @@ mod jobs;
 mod leases;
 mod notices;
 mod requests;
+mod retention;
 mod schedule;
 mod tokens;
 
@@ -52,6 +53,8 @@ pub(crate) async fn all<F: Future<Output = Arc<dyn Store>>>(fresh: impl Fn() -> 
     requests::a_claim_that_ends_without_an_answer_is_free_again(&*fresh().await).await;
     requests::answers_are_forgotten_after_a_day(&*fresh().await).await;
     requests::a_claim_is_given_once(&*fresh().await).await;
+    retention::what_is_long_over_is_forgotten(&*fresh().await).await;
+    retention::what_is_under_way_or_tried_again_is_kept(&*fresh().await).await;
     schedule::random_schedules_agree_with_the_oracle(&*fresh().await).await;
     let store = fresh().await;
     concurrent(Arc::clone(&store), store).await;

@@ -10,6 +10,7 @@ mod database;
 mod group;
 mod postgres;
 mod requests;
+mod retention;
 mod sqlite;
 mod statement;
 mod store;

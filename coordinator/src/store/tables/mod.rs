@@ -14,6 +14,7 @@ pub(super) mod lost;
 pub(super) mod packages;
 mod poison;
 pub(super) mod requests;
+pub(super) mod retention;
 pub(super) mod scenes;
 pub(super) mod shards;
 pub(super) mod tasks;
