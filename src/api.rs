@@ -14,11 +14,16 @@ use reqwest::{RequestBuilder, Response, StatusCode, multipart};
 use serde::{Deserialize, de::DeserializeOwned};
 use std::{path::Path, time::Duration};
 use tokio::io::AsyncWriteExt;
+use uuid::Uuid;
 
 /// How long a coordinator may be away before a command gives up on it.
 const PATIENCE: Duration = Duration::from_secs(60);
 /// How long to wait before it is asked again.
 const RETRY: Duration = Duration::from_millis(300);
+/// The header of a request that may be repeated.
+const KEY: &str = "idempotency-key";
+/// The problem of a request whose first try is still under way.
+const IN_USE: &str = "/problems/idempotency-key-in-use";
 
 /// A coordinator, from outside.
 #[derive(Clone)]
@@ -30,6 +35,8 @@ pub struct Api {
 /// RFC 9457, as far as a person wants to read it.
 #[derive(Deserialize)]
 struct ProblemBody {
+    #[serde(rename = "type")]
+    kind: Option<String>,
     title: Option<String>,
     detail: Option<String>,
     #[serde(default)]
@@ -63,18 +70,12 @@ impl Api {
 
     /// Uploads a scene and waits until it is imported with these options.
     pub async fn upload(&self, bundle: &Bundle, options: &ImportOptions) -> Result<SceneRecord, CommandError> {
-        let mut form = multipart::Form::new();
-        for (name, content) in bundle.files() {
-            let part = match content {
-                Content::Bytes(bytes) => multipart::Part::bytes(bytes.clone()),
-                Content::File(path) => {
-                    multipart::Part::file(path).await.map_err(|e| CommandError::work(format!("{}: {e}", path.display())))?
-                }
-            };
-            form = form.part("file", part.file_name(name.as_str().to_owned()));
-        }
         // The answer comes within 30 s of the last byte, or is 202 while a large scene is still being imported.
-        let mut record: SceneRecord = self.json(self.http.post(self.url("/v1/scenes")).query(options).multipart(form)).await?;
+        let send = async |key: &str| {
+            let request = self.http.post(self.url("/v1/scenes")).header(KEY, key).query(options);
+            self.json(request.multipart(form(bundle).await?)).await
+        };
+        let mut record: SceneRecord = self.once(send).await?;
         while matches!(record.state, SceneState::Uploaded | SceneState::Importing) {
             tokio::time::sleep(Duration::from_millis(500)).await;
             record = self.json(self.http.get(self.url(&format!("/v1/scenes/{}", record.id)))).await?;
@@ -87,7 +88,23 @@ impl Api {
 
     /// Creates a job.
     pub async fn create_job(&self, job: &NewJob) -> Result<JobRecord, CommandError> {
-        self.json(self.http.post(self.url("/v1/jobs")).json(job)).await
+        self.once(async |key: &str| self.json(self.http.post(self.url("/v1/jobs")).header(KEY, key).json(job)).await).await
+    }
+
+    /// Repeats a call that creates something, under one key, so that it is created once. A coordinator that is away is waited for up to
+    /// [`PATIENCE`], but not one that was never there.
+    async fn once<T>(&self, call: impl AsyncFn(&str) -> Result<T, CommandError>) -> Result<T, CommandError> {
+        let (key, start) = (Uuid::new_v4().to_string(), tokio::time::Instant::now());
+        let mut reached = false;
+        loop {
+            match call(&key).await {
+                Err(error) if error.is_away() && (reached || !error.is_absent()) && start.elapsed() < PATIENCE => {
+                    reached = true;
+                    tokio::time::sleep(RETRY).await;
+                }
+                other => return other,
+            }
+        }
     }
 
     /// A job as it is now; a coordinator that is away is waited for.
@@ -197,9 +214,11 @@ impl Api {
             return Ok(response);
         }
         let body = response.bytes().await.unwrap_or_default();
+        // A disk that is too small is no larger a moment later.
+        let is_away = status.is_server_error() && status != StatusCode::INSUFFICIENT_STORAGE;
         let Ok(problem) = serde_json::from_slice::<ProblemBody>(&body) else {
             let said = format!("{} answered {status}; is it a Kiln coordinator?", self.base);
-            return Err(if status.is_server_error() { CommandError::away(said) } else { CommandError::work(said) });
+            return Err(if is_away { CommandError::away(said) } else { CommandError::work(said) });
         };
         if !problem.problems.is_empty() {
             return Err(rejected(&problem.problems));
@@ -208,12 +227,27 @@ impl Api {
         if status == StatusCode::UNAUTHORIZED {
             said += "; give one that is good with --token or KILN_TOKEN";
         }
-        Err(if status.is_server_error() { CommandError::away(said) } else { CommandError::work(said) })
+        let is_away = is_away || problem.kind.as_deref() == Some(IN_USE);
+        Err(if is_away { CommandError::away(said) } else { CommandError::work(said) })
     }
 
     fn unreachable(&self, error: &reqwest::Error) -> CommandError {
-        CommandError::away(format!("the coordinator at {} cannot be reached: {}; is `kiln serve` running there?", self.base, chain(error)))
+        let said = format!("the coordinator at {} cannot be reached: {}; is `kiln serve` running there?", self.base, chain(error));
+        if error.is_connect() { CommandError::absent(said) } else { CommandError::away(said) }
     }
+}
+
+/// The files of a scene as an upload has them.
+async fn form(bundle: &Bundle) -> Result<multipart::Form, CommandError> {
+    let mut form = multipart::Form::new();
+    for (name, content) in bundle.files() {
+        let part = match content {
+            Content::Bytes(bytes) => multipart::Part::bytes(bytes.clone()),
+            Content::File(path) => multipart::Part::file(path).await.map_err(|e| CommandError::work(format!("{}: {e}", path.display())))?,
+        };
+        form = form.part("file", part.file_name(name.as_str().to_owned()));
+    }
+    Ok(form)
 }
 
 /// A scene that was not taken, with every reason.

@@ -8,13 +8,12 @@ use crate::{
     fetch::{self, Content, OutputFolder},
     host::{Host, asked_to_stop},
     import_args::ImportArgs,
-    output, progress,
-    submit::{self, Wishes},
+    output, progress, submit,
 };
 use clap::Args;
 use kiln_coordinator::{
     config::Config,
-    records::{JobRecord, JobState},
+    records::{JobRecord, JobState, NewJob},
 };
 use kiln_proto::ids::JobId;
 use std::path::{Path, PathBuf};
@@ -59,7 +58,8 @@ pub async fn run(args: &BakeArgs, json: bool) -> Result<(), CommandError> {
     let mut delivered = Vec::new();
     let work = async {
         for ((scene, target), bundle) in targets.iter().zip(bundles) {
-            let job = submit::create(&api, &bundle, settings.clone(), Wishes::default()).await.map_err(Failure::Bake)?;
+            let new = NewJob { settings: settings.clone(), ..NewJob::default() };
+            let job = submit::create(&api, &bundle, new).await.map_err(Failure::Bake)?;
             let done = progress::follow(&api, job.id).await.and_then(finished).map_err(Failure::Bake)?;
             fetch::deliver(&api, done.id, args.content, target).await.map_err(|e| Failure::Delivery(done.id, e))?;
             delivered.push(target.display().to_string());

@@ -17,6 +17,8 @@ enum Kind {
     Work,
     /// The other side is away; it may be back.
     Away,
+    /// Nobody listens at the address; perhaps nobody ever will.
+    Absent,
     Usage,
 }
 
@@ -36,9 +38,19 @@ impl CommandError {
         Self { kind: Kind::Away, message: message.into() }
     }
 
+    /// Nobody listens where the other side should be.
+    pub fn absent(message: impl Into<String>) -> Self {
+        Self { kind: Kind::Absent, message: message.into() }
+    }
+
     /// Whether the same may succeed a little later.
     pub fn is_away(&self) -> bool {
-        self.kind == Kind::Away
+        matches!(self.kind, Kind::Away | Kind::Absent)
+    }
+
+    /// Whether nobody listened.
+    pub fn is_absent(&self) -> bool {
+        self.kind == Kind::Absent
     }
 
     /// The work failed with `error` while doing what `context` says; causes follow in the same line.
@@ -54,7 +66,7 @@ impl CommandError {
     /// The process's exit code.
     pub fn exit_code(&self) -> u8 {
         match self.kind {
-            Kind::Work | Kind::Away => 1,
+            Kind::Work | Kind::Away | Kind::Absent => 1,
             Kind::Usage => 2,
         }
     }

@@ -3,6 +3,7 @@
 use crate::{
     error::CommandError,
     host::{Host, asked_to_stop},
+    token::duration,
 };
 use clap::Args;
 use kiln_coordinator::{blob::Location, config::Config};
@@ -10,6 +11,7 @@ use kiln_proto::chain;
 use std::{
     net::SocketAddr,
     path::{Path, PathBuf},
+    time::Duration,
 };
 
 /// Run the coordinator, with workers of its own unless told otherwise
@@ -49,6 +51,15 @@ pub struct ServeArgs {
     /// The key of the certificate (PEM)
     #[arg(long, value_name = "FILE", env = "KILN_TLS_KEY", requires = "tls_cert")]
     tls_key: Option<PathBuf>,
+    /// Delete jobs that ended this long ago, such as 30d, with everything they hold, and uploads that no job uses [default: never]
+    #[arg(long, value_name = "TIME", value_parser = duration)]
+    keep: Option<Duration>,
+    /// Where webhooks of jobs may go; may be repeated. Without a port, the scheme's own [default: nowhere]
+    #[arg(long, value_name = "HOST[:PORT]")]
+    webhook_allow: Vec<String>,
+    /// A file with the secret that webhooks are signed with: `whsec_` and 24 to 64 bytes in base64
+    #[arg(long, value_name = "FILE")]
+    webhook_secret_file: Option<PathBuf>,
     /// Listen on an address that other machines reach although nothing checks who calls
     #[arg(long)]
     insecure_no_auth: bool,
@@ -78,6 +89,15 @@ impl ServeArgs {
         if self.tls_cert.is_some() {
             config.access.tls_cert.clone_from(&self.tls_cert);
             config.access.tls_key.clone_from(&self.tls_key);
+        }
+        if let Some(kept) = self.keep {
+            config.keep.jobs_ms = Some(kept.as_millis() as u64);
+        }
+        if !self.webhook_allow.is_empty() {
+            config.webhooks.allow.clone_from(&self.webhook_allow);
+        }
+        if self.webhook_secret_file.is_some() {
+            config.webhooks.secret_file.clone_from(&self.webhook_secret_file);
         }
         let problems = config.check();
         if !problems.is_empty() {

@@ -8,7 +8,7 @@ use kiln_coordinator::{
     import::bundle::{self, Bundle},
     records::{JobRecord, NewJob},
 };
-use kiln_proto::{options::ImportOptions, settings::SettingsPatch};
+use kiln_proto::options::ImportOptions;
 use std::{
     collections::BTreeMap,
     path::{Path, PathBuf},
@@ -34,6 +34,9 @@ pub struct SubmitArgs {
     /// A label for your own use; may be repeated
     #[arg(long, value_name = "KEY=VALUE", value_parser = label)]
     label: Vec<(String, String)>,
+    /// Tell this address when a job is done, has failed or was cancelled; the service must allow it (`kiln serve --webhook-allow`)
+    #[arg(long, value_name = "URL")]
+    webhook: Option<String>,
     #[command(flatten)]
     import: ImportArgs,
     #[command(flatten)]
@@ -51,10 +54,11 @@ pub async fn run(args: &SubmitArgs, json: bool) -> Result<(), CommandError> {
     let api = args.server.api()?;
     let scratch = scratch()?;
     let labels: BTreeMap<_, _> = args.label.iter().cloned().collect();
-    let wishes = Wishes { priority: args.priority, labels, verify: args.verify };
     for scene in &args.scenes {
         let scene = collect(scene, &args.import, scratch.path())?;
-        let job = create(&api, &scene, settings.clone(), wishes.clone()).await?;
+        let (settings, labels, webhook) = (settings.clone(), labels.clone(), args.webhook.clone());
+        let new = NewJob { settings, priority: args.priority, labels, verify: args.verify, webhook, ..NewJob::default() };
+        let job = create(&api, &scene, new).await?;
         if json {
             output::json(&serde_json::json!({"id": job.id}))?;
         } else {
@@ -67,25 +71,13 @@ pub async fn run(args: &SubmitArgs, json: bool) -> Result<(), CommandError> {
     Ok(())
 }
 
-/// What is asked of a job beside its settings.
-#[derive(Debug, Clone, Default)]
-pub struct Wishes {
-    /// Higher goes first.
-    pub priority: i32,
-    /// The client's own.
-    pub labels: BTreeMap<String, String>,
-    /// The share of its tiles that two workers bake.
-    pub verify: Option<f64>,
-}
-
-/// Uploads a scene and creates its job; warnings of the import go to stderr.
-pub async fn create(api: &Api, scene: &Collected, settings: SettingsPatch, wishes: Wishes) -> Result<JobRecord, CommandError> {
+/// Uploads a scene and creates `job` of it; warnings of the import go to stderr.
+pub async fn create(api: &Api, scene: &Collected, job: NewJob) -> Result<JobRecord, CommandError> {
     let record = api.upload(&scene.bundle, &scene.options).await?;
     for warning in &record.warnings {
         eprintln!("warning: {warning}");
     }
-    let Wishes { priority, labels, verify } = wishes;
-    api.create_job(&NewJob { scene: record.id.to_string(), settings, priority, labels, verify }).await
+    api.create_job(&NewJob { scene: record.id.to_string(), ..job }).await
 }
 
 /// A scene as it is on its way to an import.

@@ -57,7 +57,8 @@ enum TokenCommand {
     },
 }
 
-fn duration(text: &str) -> Result<Duration, String> {
+/// A time as people write it: a number with its unit.
+pub fn duration(text: &str) -> Result<Duration, String> {
     let wrong = || format!("`{text}`: expected a number with m, h, d or w behind it, such as 30d");
     let unit = match text.chars().last() {
         Some('m') => 60,

@@ -2,7 +2,7 @@
 //!
 //! Unknown keys are refused by name. [`Config::check`] finds every problem at once, because a person who fixes a file wants the whole list.
 
-use crate::{blob::Location, records::Problem, sandbox::SandboxConfig};
+use crate::{blob::Location, records::Problem, sandbox::SandboxConfig, webhook::WebhookConfig};
 use serde::{Deserialize, Serialize};
 use std::{
     net::SocketAddr,
@@ -38,6 +38,8 @@ pub struct Config {
     pub sandbox: SandboxConfig,
     /// Who may do what, and over what.
     pub access: AccessConfig,
+    /// Whom the service may tell of the end of jobs.
+    pub webhooks: WebhookConfig,
     /// Coordinator tasks (import, assembly) that run at the same time.
     pub tasks: u32,
     /// Bytes that must stay free on the data folder's disk beside what a job is estimated to need.
@@ -96,6 +98,9 @@ pub struct KeepConfig {
     pub dead_workers_ms: u64,
     /// Blobs that no row names, milliseconds.
     pub unnamed_blobs_ms: u64,
+    /// Jobs that have ended, with everything they hold, and uploads that no job uses, milliseconds; for ever where nothing is said.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub jobs_ms: Option<u64>,
 }
 
 /// Access to the service. Tokens themselves are made with `kiln token`.
@@ -133,6 +138,7 @@ impl Default for Config {
             keep: KeepConfig::default(),
             sandbox: SandboxConfig::default(),
             access: AccessConfig::default(),
+            webhooks: WebhookConfig::default(),
             tasks: 2,
             reserve_bytes: 256 << 20,
         }
@@ -167,7 +173,7 @@ impl Default for AccessConfig {
 
 impl Default for KeepConfig {
     fn default() -> Self {
-        Self { dead_workers_ms: 24 * 3_600_000, unnamed_blobs_ms: 3_600_000 }
+        Self { dead_workers_ms: 24 * 3_600_000, unnamed_blobs_ms: 3_600_000, jobs_ms: None }
     }
 }
 
@@ -252,6 +258,11 @@ impl Config {
         );
         require(sandbox.cpu_seconds >= 1 && sandbox.seconds >= 1, "sandbox.cpu_seconds, sandbox.seconds: must be at least 1".into());
         require((1..=1_024).contains(&chunks.concurrent), format!("chunks.concurrent: {} is not between 1 and 1024", chunks.concurrent));
+        require(
+            // The moment that it comes to must be one that can be counted back to.
+            self.keep.jobs_ms.is_none_or(|kept| (60_000..=1 << 52).contains(&kept)),
+            "keep.jobs_ms: must be at least 60000, a minute; leave it out to keep jobs for ever".into(),
+        );
         require(access.requests_per_s >= 1, "access.requests_per_s: must be at least 1".into());
         require(access.burst >= 1, "access.burst: must be at least 1".into());
         require(
@@ -262,6 +273,7 @@ impl Config {
             access.tls_cert.is_some() == access.tls_key.is_some(),
             "access.tls_cert and access.tls_key: one is of no use without the other".into(),
         );
+        problems.extend(self.webhooks.check());
         problems
     }
 }

@@ -25,3 +25,4 @@ pub mod sandbox;
 pub mod split;
 pub mod store;
 pub mod unwrap;
+pub mod webhook;

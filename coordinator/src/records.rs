@@ -171,7 +171,7 @@ impl JobState {
 }
 
 /// What a client asks for.
-#[derive(Debug, Clone, Serialize, Deserialize, ToSchema)]
+#[derive(Debug, Clone, Default, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct NewJob {
     /// Hash of a scene that is ready, or the id of an upload.
@@ -191,6 +191,39 @@ pub struct NewJob {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(minimum = 0, maximum = 1)]
     pub verify: Option<f64>,
+    /// Whom to tell when it is done, has failed or was cancelled: an address that the service is configured to allow.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(format = "uri", example = "https://ci.example/kiln")]
+    pub webhook: Option<String>,
+}
+
+/// What a webhook is told.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct WebhookMessage {
+    /// Names the message: the same in every try to deliver it, and in the header `webhook-id`.
+    pub id: String,
+    /// What happened.
+    #[serde(rename = "type")]
+    #[schema(example = "job.done")]
+    pub kind: WebhookEvent,
+    /// When it happened.
+    pub at_ms: UnixMillis,
+    /// The job as it was when the message was sent.
+    pub job: JobRecord,
+}
+
+/// What may have happened to a job.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+pub enum WebhookEvent {
+    /// Its package is published.
+    #[serde(rename = "job.done")]
+    Done,
+    /// It failed.
+    #[serde(rename = "job.failed")]
+    Failed,
+    /// Someone cancelled it.
+    #[serde(rename = "job.cancelled")]
+    Cancelled,
 }
 
 /// What is to be changed of a job; what is not named stays.

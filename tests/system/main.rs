@@ -25,6 +25,7 @@ mod page_job;
 mod page_parity;
 mod reference;
 mod render;
+mod restore;
 mod sandbox;
 mod servers;
 mod service;

@@ -1,7 +1,10 @@
 //! What happens without being asked for: tasks, expiry, forgetting, collecting garbage.
 
-use super::{core::Core, dispatch, hints, roster, runner};
-use crate::records::UnixMillis;
+use super::{core::Core, dispatch, hints, retention, roster, runner};
+use crate::{
+    records::UnixMillis,
+    store::{Lane, REQUEST_KEPT},
+};
 use futures_util::TryStreamExt;
 use std::{
     sync::{Arc, atomic::Ordering},
@@ -16,10 +19,18 @@ const TIDY: Duration = Duration::from_secs(600);
 /// Attempts that ended are remembered for repeated calls this long, milliseconds.
 const ATTEMPTS_KEPT: i64 = 600_000;
 
+/// Webhooks that are told at the same time.
+const NOTICES: usize = 4;
+
 /// Starts all of it.
 pub(super) fn start(core: &Arc<Core>, set: &mut JoinSet<()>) {
     for _ in 0..core.config.tasks {
-        set.spawn(runner::run(Arc::clone(core)));
+        set.spawn(runner::run(Arc::clone(core), Lane::Work));
+    }
+    // A coordinator that may tell nobody leaves notices to those that may.
+    let notices = if core.webhooks.are_on() { NOTICES } else { 0 };
+    for _ in 0..notices {
+        set.spawn(runner::run(Arc::clone(core), Lane::Notices));
     }
     set.spawn(dispatch::run(Arc::clone(core)));
     set.spawn(sweep(Arc::clone(core)));
@@ -67,15 +78,28 @@ async fn tidy(core: Arc<Core>) {
     while !core.signals.is_stopping() {
         tokio::time::sleep(TIDY).await;
         let now = core.now();
-        let workers_before = now - core.config.keep.dead_workers_ms as i64;
-        if let Err(error) = core.store.forget(now - ATTEMPTS_KEPT, workers_before).await {
-            tracing::error!(%error, "forgetting old attempts failed");
-        }
+        forget(&core, now).await;
         match collect(&core, now - core.config.keep.unnamed_blobs_ms as i64).await {
             Ok(0) => {}
             Ok(blobs) => tracing::info!(blobs, "removed blobs that nothing names"),
             Err(error) => tracing::error!(%error, "collecting unnamed blobs failed"),
         }
+    }
+}
+
+/// Removes rows whose time is over.
+pub(super) async fn forget(core: &Core, now: UnixMillis) {
+    let workers_before = now - core.config.keep.dead_workers_ms as i64;
+    if let Err(error) = core.store.forget(now - ATTEMPTS_KEPT, workers_before).await {
+        tracing::error!(%error, "forgetting old attempts failed");
+    }
+    if let Err(error) = core.store.forget_requests(now - REQUEST_KEPT).await {
+        tracing::error!(%error, "forgetting answers to repeated requests failed");
+    }
+    match retention::run(core, now).await {
+        Ok((0, 0)) => {}
+        Ok((jobs, scenes)) => tracing::info!(jobs, scenes, "deleted jobs and uploads that were kept long enough"),
+        Err(error) => tracing::error!(%error, "deleting old jobs failed"),
     }
 }
 

@@ -7,6 +7,7 @@ use crate::{
     config::Config,
     records::UnixMillis,
     store::{PlanRef, Store},
+    webhook::Webhooks,
 };
 use bytes::Bytes;
 use kiln_proto::{
@@ -53,6 +54,7 @@ pub(super) struct Core {
     pub(super) clock: Clock,
     pub(super) spool: PathBuf,
     pub(super) signals: Signals,
+    pub(super) webhooks: Webhooks,
     pub(super) counters: Counters,
     /// Chunks that are checked at the same time.
     pub(super) slots: Semaphore,
@@ -84,6 +86,7 @@ impl Core {
         blobs: Arc<dyn Blobs>,
         pipeline: Arc<dyn Pipeline>,
         clock: Clock,
+        webhooks: Webhooks,
     ) -> Self {
         let (slots, shared) = (Semaphore::new(config.chunks.concurrent as usize), store.is_shared());
         Self {
@@ -94,6 +97,7 @@ impl Core {
             clock,
             spool,
             signals: Signals::new(shared),
+            webhooks,
             counters: Counters::default(),
             slots,
             gate: RwLock::default(),

@@ -4,6 +4,7 @@ use crate::{
     blob::{BlobError, SetupError},
     records::Problem,
     store::StoreError,
+    webhook::BadWebhook,
 };
 use std::path::PathBuf;
 
@@ -31,6 +32,9 @@ pub enum EngineError {
     /// 422: the request says something impossible; every problem found.
     #[error("{}", first(.0))]
     Invalid(Vec<Problem>),
+    /// 422: a job asks to tell an address that may not be told.
+    #[error(transparent)]
+    Webhook(#[from] BadWebhook),
     /// 507: the disk is too small, or full.
     #[error("{needed} bytes are needed, but {free} are free on the disk of {}; free some space or lower the texel density", path.display())]
     NoSpace {

@@ -33,9 +33,20 @@ impl Engine {
     /// # Errors
     /// Settings out of range, an unknown or rejected scene, texture sizes for surfaces that a ready scene does not have.
     pub async fn create_job(&self, new: NewJob, by: &Principal) -> Result<JobRecord, EngineError> {
+        self.create_job_as(JobId::random(), new, by).await
+    }
+
+    /// As [`Engine::create_job`], under an id. Where there is such a job already, an earlier try went this far: that job is the answer.
+    ///
+    /// # Errors
+    /// As [`Engine::create_job`].
+    pub async fn create_job_as(&self, id: JobId, new: NewJob, by: &Principal) -> Result<JobRecord, EngineError> {
+        if let Some(row) = self.core.store.job(id).await? {
+            return Ok(progress::one(&self.core, row).await?);
+        }
         let (scene, settings) = self.validate(&new, by).await?;
         let spec = JobSpec {
-            id: JobId::random(),
+            id,
             scene: scene.record.id,
             settings,
             priority: new.priority,
@@ -45,10 +56,11 @@ impl Engine {
             owner: by.owner(),
             verify: new.verify.unwrap_or(self.core.config.verify),
             secret: Token::random().to_string(),
+            webhook: new.webhook,
         };
         let row = self.core.store.add_job(&spec, self.now()).await?;
         self.core.signals.tasks.notify_waiters();
-        progress::one(&self.core, row).await
+        Ok(progress::one(&self.core, row).await?)
     }
 
     async fn validate(&self, new: &NewJob, by: &Principal) -> Result<(SceneRow, BakeSettings), EngineError> {
@@ -56,6 +68,7 @@ impl Engine {
         if new.verify.is_some_and(|share| !(0.0..=1.0).contains(&share)) {
             return Err(EngineError::invalid("verify: the share of tiles that two workers bake lies between 0 and 1"));
         }
+        new.webhook.as_deref().map_or(Ok(()), |address| self.check_webhook(address))?;
         let long = |text: &String| text.len() > limits::NAME_BYTES;
         if new.labels.len() > LABELS || new.labels.iter().any(|(k, v)| long(k) || long(v)) {
             return Err(EngineError::invalid(format!("labels: at most {LABELS}, each name and value up to {} bytes", limits::NAME_BYTES)));
@@ -79,6 +92,15 @@ impl Engine {
             }
         }
         Ok((scene, settings))
+    }
+
+    /// Whether jobs may ask to tell this address of their end.
+    ///
+    /// # Errors
+    /// [`EngineError::Webhook`], which says why not.
+    pub fn check_webhook(&self, address: &str) -> Result<(), EngineError> {
+        self.core.webhooks.check(address)?;
+        Ok(())
     }
 
     /// What a job would cost, without creating it. The scene must be ready.
@@ -127,7 +149,7 @@ impl Engine {
     /// [`EngineError::NotFound`].
     pub async fn job(&self, job: JobId) -> Result<JobRecord, EngineError> {
         let row = self.core.store.job(job).await?.ok_or_else(|| not_found(job))?;
-        progress::one(&self.core, row).await
+        Ok(progress::one(&self.core, row).await?)
     }
 
     /// Some jobs, youngest first.

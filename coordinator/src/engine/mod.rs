@@ -19,6 +19,7 @@ mod jobs;
 mod leases;
 mod live;
 mod meter;
+mod notices;
 mod offers;
 mod open;
 mod packages;
@@ -26,6 +27,7 @@ pub mod ports;
 mod preview;
 mod progress;
 mod report;
+mod retention;
 mod roster;
 mod runner;
 mod scenes;
@@ -53,7 +55,7 @@ use self::core::Core;
 use crate::{
     config::Config,
     records::{Throughput, UnixMillis, WorkerRecord},
-    store::TokenStore,
+    store::{RequestStore, TokenStore},
 };
 use std::{
     fs::File,
@@ -95,6 +97,12 @@ impl Engine {
     #[must_use]
     pub fn tokens(&self) -> Arc<dyn TokenStore> {
         Arc::clone(&self.core.store) as Arc<dyn TokenStore>
+    }
+
+    /// Where requests that may be repeated are kept.
+    #[must_use]
+    pub fn requests(&self) -> Arc<dyn RequestStore> {
+        Arc::clone(&self.core.store) as Arc<dyn RequestStore>
     }
 
     /// This engine's clock.

@@ -16,6 +16,7 @@ use crate::{
     blob::{self, Blobs, LocalBlobs, Location, SetupError},
     config::Config,
     store::{SqlStore, Store},
+    webhook::Webhooks,
 };
 use std::{
     fs::{DirBuilder, File, OpenOptions, TryLockError},
@@ -92,7 +93,8 @@ impl Engine {
 
     async fn start(config: Config, parts: Parts, lock: File) -> Result<Arc<Engine>, EngineError> {
         let spool = config.data_dir.join("spool");
-        let core = Arc::new(Core::new(config, spool, parts.store, parts.blobs, parts.pipeline, parts.clock));
+        let webhooks = Webhooks::open(&config.webhooks).map_err(|problem| EngineError::Invalid(vec![problem]))?;
+        let core = Arc::new(Core::new(config, spool, parts.store, parts.blobs, parts.pipeline, parts.clock, webhooks));
         // The lock proves that whoever held these tasks is dead, where nobody else may use the store; otherwise they expire. Attempts stay: their
         // workers may well be alive.
         let resumed = if core.store.is_shared() { 0 } else { core.store.take_over_tasks(core.now()).await? };

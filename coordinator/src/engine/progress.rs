@@ -1,10 +1,10 @@
 //! A job as clients see it: the stored row, plus what is known of the present moment.
 
-use super::{EngineError, core::Core, space};
+use super::{core::Core, space};
 use crate::{
     job::{self, Ahead, Facts, Job},
     records::{JobRecord, JobState, Progress},
-    store::{ClaimRow, JobRow},
+    store::{ClaimRow, JobRow, StoreError},
 };
 use std::collections::{BTreeMap, btree_map::Entry};
 
@@ -21,7 +21,7 @@ struct Moment {
 }
 
 impl Moment {
-    async fn look(core: &Core, rows: &[JobRow]) -> Result<Self, EngineError> {
+    async fn look(core: &Core, rows: &[JobRow]) -> Result<Self, StoreError> {
         let mut moment = Self { workers: BTreeMap::new(), barred: BTreeMap::new(), claims: BTreeMap::new(), storage: storage(core) };
         let baking = |row: &&JobRow| matches!(row.state, Job::Baking { .. });
         if !rows.iter().any(|row| baking(&row)) {
@@ -78,13 +78,13 @@ impl Moment {
 }
 
 /// The records of jobs.
-pub(super) async fn records(core: &Core, rows: Vec<JobRow>) -> Result<Vec<JobRecord>, EngineError> {
+pub(super) async fn records(core: &Core, rows: Vec<JobRow>) -> Result<Vec<JobRecord>, StoreError> {
     let moment = Moment::look(core, &rows).await?;
     Ok(rows.into_iter().map(|row| record(core, &moment, row)).collect())
 }
 
 /// The record of a job.
-pub(super) async fn one(core: &Core, row: JobRow) -> Result<JobRecord, EngineError> {
+pub(super) async fn one(core: &Core, row: JobRow) -> Result<JobRecord, StoreError> {
     let moment = Moment::look(core, std::slice::from_ref(&row)).await?;
     Ok(record(core, &moment, row))
 }

@@ -1,11 +1,11 @@
 //! Takes tasks and sees them through: renews the lease while the work runs, and reports what came of it.
 
-use super::{EngineError, assembly, core::Core, ports::problem, space, tasks};
+use super::{EngineError, assembly, core::Core, notices, ports::problem, space, tasks};
 use crate::{
     job::JobTask,
-    store::{Task, TaskLease, TaskResult},
+    store::{Lane, Task, TaskLease, TaskResult},
 };
-use kiln_proto::ids::Token;
+use kiln_proto::ids::{JobId, Token};
 use std::{future::Future, sync::Arc, time::Duration};
 use tracing::Instrument;
 
@@ -21,15 +21,20 @@ const PUT_OFF_MOST: i64 = 60_000;
 const IDLE: Duration = Duration::from_secs(1);
 
 /// One runner: one task after another until the engine stops.
-pub(super) async fn run(core: Arc<Core>) {
+pub(super) async fn run(core: Arc<Core>, lane: Lane) {
     while !core.signals.is_stopping() {
         let woken = core.signals.tasks.notified();
         tokio::pin!(woken);
         woken.as_mut().enable();
-        match core.store.take_task(Token::random(), core.now() + TTL, core.now()).await {
+        let (token, now) = (Token::random(), core.now());
+        let taken = match lane {
+            Lane::Work => core.store.take_task(token, now + TTL, now).await,
+            Lane::Notices => core.store.take_notice(token, now + TTL, now).await,
+        };
+        match taken {
             Ok(Some(lease)) => {
                 let span = tracing::info_span!("task", task = ?lease.task);
-                see_through(&core, lease).instrument(span).await;
+                take_up(&core, lease).instrument(span).await;
             }
             Ok(None) => drop(tokio::time::timeout(IDLE, woken).await),
             Err(error) => {
@@ -40,11 +45,19 @@ pub(super) async fn run(core: Arc<Core>) {
     }
 }
 
-async fn see_through(core: &Arc<Core>, lease: TaskLease) {
+async fn take_up(core: &Arc<Core>, lease: TaskLease) {
+    match lease.task {
+        Task::Import(scene) => see_through(core, lease, tasks::import(core, scene)).await,
+        Task::Job(job, task) => see_through(core, lease, perform(core, job, task)).await,
+        Task::Notify(notice) => notices::see_through(core, &lease, &notice).await,
+    }
+}
+
+async fn see_through(core: &Arc<Core>, lease: TaskLease, work: impl Future<Output = Result<TaskResult, EngineError>>) {
     tracing::debug!(task = ?lease.task, "begin");
     // The gate is held until the result names what the task wrote.
     let gate = core.gate.read().await;
-    let Some(outcome) = renewed(core, lease.token, perform(core, lease.task)).await else {
+    let Some(outcome) = renewed(core, lease.token, work).await else {
         tracing::warn!(task = ?lease.task, "lost to another coordinator");
         return;
     };
@@ -84,6 +97,7 @@ async fn see_through(core: &Arc<Core>, lease: TaskLease) {
             }
             core.signals.job_changed(job);
         }
+        Task::Notify(_) => {}
     }
 }
 
@@ -113,7 +127,7 @@ async fn put_off(core: &Core, lease: &TaskLease, error: &EngineError) {
 }
 
 /// Runs work while renewing its lease; `None` when the lease is lost.
-async fn renewed<T>(core: &Core, token: Token, work: impl Future<Output = T>) -> Option<T> {
+pub(super) async fn renewed<T>(core: &Core, token: Token, work: impl Future<Output = T>) -> Option<T> {
     tokio::pin!(work);
     let mut tick = tokio::time::interval(RENEW);
     tick.tick().await;
@@ -129,12 +143,11 @@ async fn renewed<T>(core: &Core, token: Token, work: impl Future<Output = T>) ->
     }
 }
 
-async fn perform(core: &Arc<Core>, task: Task) -> Result<TaskResult, EngineError> {
+async fn perform(core: &Arc<Core>, job: JobId, task: JobTask) -> Result<TaskResult, EngineError> {
     match task {
-        Task::Import(scene) => tasks::import(core, scene).await,
-        Task::Job(job, JobTask::Prepare) => tasks::prepare(core, job).await,
-        Task::Job(job, JobTask::Merge(phase)) => tasks::merge(core, job, phase).await,
-        Task::Job(job, JobTask::Assemble(surface)) => assembly::assemble(core, job, surface).await,
-        Task::Job(job, JobTask::Publish) => assembly::publish(core, job).await,
+        JobTask::Prepare => tasks::prepare(core, job).await,
+        JobTask::Merge(phase) => tasks::merge(core, job, phase).await,
+        JobTask::Assemble(surface) => assembly::assemble(core, job, surface).await,
+        JobTask::Publish => assembly::publish(core, job).await,
     }
 }

@@ -124,6 +124,15 @@ kinds! {
     Conflict "conflict" CONFLICT "The request does not fit the present state"
         "Something has changed since; `detail` says what."
         "GET the resource and decide again.";
+    WebhookRefused "webhook-refused" UNPROCESSABLE_ENTITY "The webhook may not be told"
+        "The address is none, or the service is not configured to send webhooks to its host and port; `detail` says which."
+        "Use an address that the service allows, or have its operator allow this one with `kiln serve --webhook-allow`.";
+    KeyReused "idempotency-key-reused" UNPROCESSABLE_ENTITY "The Idempotency-Key belongs to another request"
+        "A request with this key came within the last 24 hours, with another body, path or query."
+        "Make a fresh key for every new request; keep it only to repeat the very same one.";
+    KeyInUse "idempotency-key-in-use" CONFLICT "The request is being performed"
+        "The first request with this Idempotency-Key is not answered yet."
+        "Repeat it after the seconds that Retry-After names, with the same key: the answer is then that of the first.";
     Busy "busy" SERVICE_UNAVAILABLE "The service is busy"
         "Too much is under way, or a part that the service stands on does not answer."
         "Try again after the seconds that Retry-After names.";

@@ -58,14 +58,21 @@ pub(super) struct Json<T>(pub T);
 impl<T: DeserializeOwned, S: Send + Sync> FromRequest<S> for Json<T> {
     type Rejection = Failure;
     async fn from_request(request: Request, _: &S) -> Answer<Self> {
-        let media = media_type(request.headers());
-        if !media.as_deref().is_some_and(|media| media == "application/json" || media.ends_with("+json")) {
-            let found = media.unwrap_or_else(|| "nothing".into());
-            return Err(Failure::new(Kind::UnsupportedMediaType, format!("Content-Type says {found}; this call takes application/json")));
-        }
-        let bytes = body::read(request.into_body(), JSON_BYTES).await?;
-        json(&bytes, Kind::WrongShape).map(Self)
+        json(&json_bytes(request).await?, Kind::WrongShape).map(Self)
     }
+}
+
+/// The bytes of a JSON body.
+///
+/// # Errors
+/// A body of another media type, too large a one, an early end, a stall.
+pub(super) async fn json_bytes(request: Request) -> Answer<Vec<u8>> {
+    let media = media_type(request.headers());
+    if !media.as_deref().is_some_and(|media| media == "application/json" || media.ends_with("+json")) {
+        let found = media.unwrap_or_else(|| "nothing".into());
+        return Err(Failure::new(Kind::UnsupportedMediaType, format!("Content-Type says {found}; this call takes application/json")));
+    }
+    body::read(request.into_body(), JSON_BYTES).await
 }
 
 /// Parses JSON; `kind_of_data` is the problem where it is well-formed but of another shape.

@@ -3,9 +3,10 @@
 use super::{
     App,
     catalogue::Kind,
-    extract::{JobInPath, Json as JsonBody, Query},
+    extract::{self, JobInPath, Json as JsonBody, Query},
     gate::Caller,
     problem::{Answer, Failure},
+    repeats::Repeatable,
 };
 use crate::{
     auth::audit::Action,
@@ -14,15 +15,16 @@ use crate::{
 };
 use axum::{
     Json,
-    extract::State,
+    extract::{Request, State},
     http::{StatusCode, header},
     response::{IntoResponse, Response},
 };
 use kiln_proto::{
-    ids::JobId,
+    ids::{Digest, JobId},
     settings::{BadSetting, SettingsPatch},
 };
 use serde::Deserialize;
+use std::sync::Arc;
 use utoipa::IntoParams;
 
 /// Query of a submission.
@@ -38,7 +40,9 @@ pub(super) struct CreateQuery {
 /// Submit a job.
 ///
 /// The scene may still be importing, except for `dry_run`, which answers texels, tiles, bytes and the time to expect.
-#[utoipa::path(post, path = "/v1/jobs", operation_id = "createJob", tag = "jobs", params(CreateQuery), request_body = NewJob,
+#[utoipa::path(post, path = "/v1/jobs", operation_id = "createJob", tag = "jobs", 
+    params(CreateQuery, ("Idempotency-Key" = Option<String>, Header, description = "Repeats are answered as the first was, for 24 hours")),
+    request_body = NewJob,
     responses(
         (status = 201, description = "Created", body = JobRecord, headers(("location" = String, description = "The job"))),
         (status = 200, description = "With `dry_run`: what it would cost", body = Estimate)))]
@@ -46,20 +50,36 @@ pub(super) async fn create(
     State(app): State<App>,
     caller: Caller,
     Query(query): Query<CreateQuery>,
-    JsonBody(new): JsonBody<NewJob>,
+    repeatable: Repeatable,
+    request: Request,
 ) -> Answer<Response> {
+    let body = extract::json_bytes(request).await?;
+    let new: NewJob = extract::json(&body, Kind::WrongShape)?;
     check(&new.settings)?;
+    if query.dry_run {
+        usable(&app, &caller, &new).await?;
+        return Ok(Json(app.engine.estimate(&new, &caller.principal).await?).into_response());
+    }
+    let engine = Arc::clone(&app.engine);
+    let contents = Digest::of(&body);
+    repeatable.once(&engine, &caller, contents, |id| submit(app, caller, JobId(id), new)).await
+}
+
+async fn submit(app: App, caller: Caller, id: JobId, new: NewJob) -> Answer<Response> {
+    usable(&app, &caller, &new).await?;
+    let job = app.engine.create_job_as(id, new, &caller.principal).await?;
+    caller.note(Action::JobCreated, &job.id);
+    Ok((StatusCode::CREATED, [(header::LOCATION, location(job.id))], Json(job)).into_response())
+}
+
+/// Refuses a scene that no job can use.
+async fn usable(app: &App, caller: &Caller, new: &NewJob) -> Answer<()> {
     let scene = app.engine.scene(&new.scene, caller.principal.sees()).await?;
     if scene.state == SceneState::Rejected {
         let detail = format!("the scene {} was rejected; no job can use it", new.scene);
         return Err(Failure::new(Kind::SceneNotReady, detail).problems(scene.problems));
     }
-    if query.dry_run {
-        return Ok(Json(app.engine.estimate(&new, &caller.principal).await?).into_response());
-    }
-    let job = app.engine.create_job(new, &caller.principal).await?;
-    caller.note(Action::JobCreated, &job.id);
-    Ok((StatusCode::CREATED, [(header::LOCATION, location(job.id))], Json(job)).into_response())
+    Ok(())
 }
 
 /// Where a job is.

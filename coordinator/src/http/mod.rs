@@ -28,6 +28,7 @@ mod peer;
 mod pictures;
 mod preview;
 mod problem;
+mod repeats;
 mod routes;
 mod scenes;
 mod serve;

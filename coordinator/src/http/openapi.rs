@@ -37,7 +37,7 @@ use utoipa::OpenApi;
         worker_protocol::hello, worker_protocol::lease, worker_protocol::scene, worker_protocol::plan, worker_protocol::chunk,
         worker_protocol::heartbeat, worker_protocol::complete, worker_protocol::release,
         workers::list, workers::throughput, health::healthz, health::readyz, metrics::render),
-    components(schemas(problem::ProblemDetails, records::JobEvent, events::Snapshot, records::NewJob))
+    components(schemas(problem::ProblemDetails, records::JobEvent, events::Snapshot, records::NewJob, records::WebhookMessage))
 )]
 struct Derived;
 
@@ -73,6 +73,7 @@ fn complete(derived: &utoipa::openapi::OpenApi, routes: &[Route]) -> Value {
     if let Some(schemas) = schemas.as_object_mut() {
         schemas.remove("i64");
     }
+    document["webhooks"] = webhooks();
     name_shared_types(&mut document);
     describe_uploads(&mut document);
     describe_bytes(&mut document["paths"]);
@@ -86,6 +87,27 @@ fn complete(derived: &utoipa::openapi::OpenApi, routes: &[Route]) -> Value {
 
 fn reference(schema: &str) -> Value {
     json!({"$ref": format!("#/components/schemas/{schema}")})
+}
+
+/// What the service sends by itself.
+fn webhooks() -> Value {
+    let header = |name: &str, description: &str| json!({"name": name, "in": "header", "required": true, "description": description, "schema": {"type": "string"}});
+    json!({"jobEnded": {"post": {
+        "operationId": "jobEnded",
+        "tags": ["jobs"],
+        "description": "Sent to the `webhook` of a job that is done, has failed or was cancelled, at least once, as Standard Webhooks has it.",
+        "parameters": [
+            header("webhook-id", "Names the message; the same in every try to deliver it"),
+            header("webhook-timestamp", "When it was sent, seconds since 1970"),
+            header("webhook-signature", "`v1,` and the base64 of the HMAC-SHA256 of `id.timestamp.body`"),
+        ],
+        "requestBody": {"required": true, "content": {"application/json": {"schema": reference("WebhookMessage")}}},
+        "responses": {
+            "2XX": {"description": "Taken. Nothing of the body is read."},
+            "410": {"description": "Unwanted: the message is given up"},
+            "default": {"description": "Tried again for about a day. Redirects are not followed."},
+        },
+    }}})
 }
 
 /// Types of `proto`, and the alias of a plain number, that the derive saw only as what they are made of.
@@ -281,6 +303,8 @@ mod tests {
         assert_eq!(openapi()["openapi"], "3.1.0");
         let rejected = &openapi()["paths"]["/v1/scenes"]["post"]["responses"]["422"]["content"]["application/problem+json"];
         assert_eq!(rejected["examples"]["scene-rejected"]["value"]["type"], "/problems/scene-rejected");
+        let told = &openapi()["webhooks"]["jobEnded"]["post"]["requestBody"]["content"]["application/json"]["schema"];
+        assert_eq!(*told, reference("WebhookMessage"));
         assert_eq!(openapi()["components"]["schemas"]["NewJob"]["properties"]["settings"], reference("SettingsPatch"));
     }
 }

@@ -203,6 +203,7 @@ impl From<EngineError> for Failure {
             EngineError::NotFound { what, .. } => Failure::new(unknown(what), detail),
             EngineError::Conflict { what, .. } => Failure::new(conflict(&what), detail),
             EngineError::Invalid(problems) => Failure::new(Kind::InvalidSettings, detail).problems(problems),
+            EngineError::Webhook(_) => Failure::new(Kind::WebhookRefused, detail).field("webhook"),
             EngineError::NoSpace { .. } => Failure::new(Kind::StorageFull, detail),
             EngineError::Unavailable(_) => Failure::new(Kind::Busy, detail).retry_after(2),
             other @ (EngineError::Locked { .. }

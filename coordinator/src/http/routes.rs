@@ -183,6 +183,8 @@ const UPLOAD: &[Kind] = &[
     Kind::EmptyUpload,
     Kind::BadFileName,
     Kind::SceneRejected,
+    Kind::KeyReused,
+    Kind::KeyInUse,
     Kind::StorageFull,
 ];
 const BAKE: &[Kind] = &[
@@ -196,6 +198,9 @@ const BAKE: &[Kind] = &[
     Kind::BadFileName,
     Kind::InvalidSettings,
     Kind::SceneRejected,
+    Kind::KeyReused,
+    Kind::KeyInUse,
+    Kind::WebhookRefused,
     Kind::StorageFull,
 ];
 const NEW_JOB: &[Kind] = &[
@@ -207,6 +212,9 @@ const NEW_JOB: &[Kind] = &[
     Kind::UnsupportedMediaType,
     Kind::WrongShape,
     Kind::InvalidSettings,
+    Kind::KeyReused,
+    Kind::KeyInUse,
+    Kind::WebhookRefused,
     Kind::StorageFull,
 ];
 const CHANGE: &[Kind] = &[

@@ -6,6 +6,7 @@ use super::{
     gate::Caller,
     import_query::upload_query,
     problem::{Answer, Failure},
+    repeats::Repeatable,
     upload::Upload,
 };
 use crate::{
@@ -16,10 +17,11 @@ use crate::{
 use axum::{
     Json,
     extract::{Request, State},
-    http::{HeaderName, StatusCode, header},
+    http::{StatusCode, header},
+    response::{IntoResponse, Response},
 };
 use kiln_proto::options::ImportOptions;
-use std::time::Duration;
+use std::{sync::Arc, time::Duration};
 
 /// How long an upload waits for its import before the answer is 202.
 pub(super) const IMPORT_WAIT: Duration = Duration::from_secs(30);
@@ -36,7 +38,8 @@ upload_query! {
 ///
 /// Either `multipart/form-data` with one part per file, whose `filename` is the path that the scene uses for it, or one file as the body:
 /// an OBJ, or a ZIP with everything that it refers to. The answer comes when the scene has been imported, or after 30 s as 202.
-#[utoipa::path(post, path = "/v1/scenes", operation_id = "createScene", tag = "scenes", params(UploadQuery),
+#[utoipa::path(post, path = "/v1/scenes", operation_id = "createScene", tag = "scenes", 
+    params(UploadQuery, ("Idempotency-Key" = Option<String>, Header, description = "Repeats are answered as the first was, for 24 hours")),
     request_body(description = "The files", content(
         (String = "multipart/form-data"), (String = "application/zip"), (String = "model/obj"), (String = "application/octet-stream"))),
     responses(
@@ -46,13 +49,18 @@ pub(super) async fn create(
     State(app): State<App>,
     caller: Caller,
     Query(query): Query<UploadQuery>,
+    repeatable: Repeatable,
     request: Request,
-) -> Answer<(StatusCode, [(HeaderName, String); 1], Json<SceneRecord>)> {
+) -> Answer<Response> {
     let options = query.options()?;
     let upload = Upload::receive(&app.engine, request, query.name.as_deref()).await?;
-    let scene = import(&app.engine, upload, options, caller.principal.owner()).await?;
-    let status = if scene.state == SceneState::Ready { StatusCode::CREATED } else { StatusCode::ACCEPTED };
-    Ok((status, [(header::LOCATION, format!("/v1/scenes/{}", scene.id))], Json(scene)))
+    let engine = Arc::clone(&app.engine);
+    let work = async move |upload: Upload| {
+        let scene = import(&app.engine, upload, options, caller.principal.owner()).await?;
+        let status = if scene.state == SceneState::Ready { StatusCode::CREATED } else { StatusCode::ACCEPTED };
+        Ok((status, [(header::LOCATION, format!("/v1/scenes/{}", scene.id))], Json(scene)).into_response())
+    };
+    repeatable.once(&engine, &caller, upload.contents, |_| work(upload)).await
 }
 
 /// The scene of an upload, imported or still importing.

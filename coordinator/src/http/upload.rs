@@ -14,7 +14,8 @@ use axum::{
     extract::{FromRequest, Multipart, Request, multipart::Field},
     http::{HeaderMap, header},
 };
-use kiln_proto::limits;
+use futures_util::TryStreamExt;
+use kiln_proto::{ids::Digest, limits};
 use tempfile::TempPath;
 
 /// Media types of a single body that are a scene whatever its name.
@@ -31,6 +32,8 @@ const SCENE_MEDIA: &[&str] = &[
 #[derive(Debug)]
 pub(super) struct Upload {
     files: Vec<(String, TempPath)>,
+    /// Hash of the names and contents of all parts, in order.
+    pub contents: Digest,
     /// The JSON of the part `settings`, where there is one.
     pub settings: Option<Vec<u8>>,
 }
@@ -65,11 +68,17 @@ impl Upload {
             return Err(Failure::new(Kind::UnsupportedMediaType, format!("Content-Type says {found}; this call takes {takes}")));
         }
         name.as_deref().map_or(Ok(()), |name| take_name(&mut Paths::default(), name))?;
-        let mut stream = request.into_body().into_data_stream();
+        let mut contents = Contents::default();
+        let mut content = blake3::Hasher::new();
+        let mut stream = request.into_body().into_data_stream().inspect_ok(|bytes| {
+            content.update(bytes);
+        });
         let spooled = body::spool(engine, &mut stream, &mut Budget::new(limits::BUNDLE_BYTES)).await?;
+        drop(stream);
+        contents.add(name.as_deref().unwrap_or_default(), &content);
         some_content(spooled.length, name.as_deref().into_iter())?;
         let name = name.unwrap_or_else(|| if spooled.zipped { "scene.zip" } else { "scene.obj" }.to_owned());
-        Ok(Self { files: vec![(name, spooled.path)], settings: None })
+        Ok(Self { files: vec![(name, spooled.path)], contents: contents.digest(), settings: None })
     }
 
     async fn parts(engine: &Engine, request: Request) -> Answer<Self> {
@@ -77,13 +86,15 @@ impl Upload {
             Failure::new(Kind::InvalidRequest, format!("the multipart body cannot be read: {}", rejection.body_text()))
         })?;
         let (mut files, mut settings, mut total) = (Vec::new(), None, 0);
-        let (mut names, mut budget) = (Paths::default(), Budget::new(limits::BUNDLE_BYTES));
+        let (mut names, mut budget, mut contents) = (Paths::default(), Budget::new(limits::BUNDLE_BYTES), Contents::default());
         while let Some(mut field) = parts.next_field().await.map_err(|error| Interrupted::from(error).0)? {
             // `curl -F settings=@file.json` sends a filename, `-F 'settings={…}'` none: the part's name decides.
             let name = match field.file_name() {
                 Some(name) if field.name() != Some("settings") => name.to_owned(),
                 _ => {
-                    settings = Some(settings_part(field, settings.is_some()).await?);
+                    let json = settings_part(field, settings.is_some()).await?;
+                    contents.add("", blake3::Hasher::new().update(&json));
+                    settings = Some(json);
                     continue;
                 }
             };
@@ -91,12 +102,32 @@ impl Upload {
             if files.len() == limits::BUNDLE_FILES {
                 return Err(Failure::new(Kind::TooLarge, format!("more than {} files in one upload", limits::BUNDLE_FILES)));
             }
-            let spooled = body::spool(engine, &mut field, &mut budget).await?;
+            let mut content = blake3::Hasher::new();
+            let mut stream = (&mut field).inspect_ok(|bytes| {
+                content.update(bytes);
+            });
+            let spooled = body::spool(engine, &mut stream, &mut budget).await?;
+            contents.add(&name, &content);
             total += spooled.length;
             files.push((name, spooled.path));
         }
         some_content(total, files.iter().map(|(name, _)| name.as_str()))?;
-        Ok(Self { files, settings })
+        Ok(Self { files, contents: contents.digest(), settings })
+    }
+}
+
+/// A hash over parts: their names and contents, whatever stands between them.
+#[derive(Default)]
+struct Contents(blake3::Hasher);
+
+impl Contents {
+    /// Adds a part; the settings have no name.
+    fn add(&mut self, name: &str, content: &blake3::Hasher) {
+        self.0.update(&(name.len() as u64).to_le_bytes()).update(name.as_bytes()).update(content.finalize().as_bytes());
+    }
+
+    fn digest(&self) -> Digest {
+        Digest(*self.0.finalize().as_bytes())
     }
 }
 

@@ -43,6 +43,7 @@ fn a_job_runs_through_its_phases_to_the_package() {
             Action::Enqueue(JobTask::Assemble(1)),
             Action::Enqueue(JobTask::Publish),
             Action::Retire,
+            Action::Announce,
         ]
     );
 }
@@ -167,7 +168,7 @@ fn a_quarantined_tile_fails_the_job_until_a_retry_or_leaves_a_hole() {
     let baking = Job::Baking { phase: bake, left: 2, surfaces: 1 };
     let quarantined = |on_poison| Event::Quarantined { phase: bake, on_poison, problem: problem() };
     let (failed, actions) = run(baking.clone(), &[quarantined(OnPoison::Fail)]);
-    assert_eq!((failed.public(), actions), (JobState::Failed, vec![Action::Suspend]));
+    assert_eq!((failed.public(), actions), (JobState::Failed, vec![Action::Suspend, Action::Announce]));
     assert_eq!(run(failed.clone(), &[Event::Retry]), (baking.clone(), vec![Action::Reopen { phase: bake }]));
     let text = serde_json::to_string(&failed).unwrap();
     assert_eq!(serde_json::from_str::<Job>(&text).unwrap(), failed);
@@ -181,6 +182,24 @@ fn a_failure_without_a_retry_is_written_as_ever() {
     let failed = Job::Failed { problem: problem(), retry: None };
     let text = r#"{"failed":{"problem":{"message":"no"}}}"#;
     assert_eq!((serde_json::to_string(&failed).unwrap().as_str(), serde_json::from_str::<Job>(text).unwrap()), (text, failed));
+}
+
+#[test]
+fn every_end_is_announced_and_nothing_else() {
+    let bake = Phase::Bake;
+    let baking = Job::Baking { phase: bake, left: 2, surfaces: 1 };
+    let lost = Event::Quarantined { phase: bake, on_poison: OnPoison::Fail, problem: problem() };
+    let states = [Job::Queued, baking, Job::Paused { phase: bake, left: 1, surfaces: 1 }, Job::Assembling { left: 0, surfaces: 1 }];
+    for job in states {
+        for event in [Event::Published, lost.clone(), Event::Fail(problem()), Event::Cancel, Event::Pause, Event::SceneReady] {
+            let Ok((next, actions)) = apply(&job, &event) else { continue };
+            assert_eq!(actions.contains(&Action::Announce), next.is_final(), "{} on {}", event.name(), job.name());
+        }
+    }
+    // A failed job that is tried again ends again.
+    let stopped = Job::Failed { problem: problem(), retry: Some(Retry { phase: bake, left: 2, surfaces: 1 }) };
+    let (_, actions) = run(stopped, &[Event::Lost { phase: bake, tiles: 1 }, Event::Retry, Event::Cancel]);
+    assert_eq!(actions, [Action::Reopen { phase: bake }, Action::Withdraw, Action::Retire, Action::Announce]);
 }
 
 fn event() -> impl Strategy<Value = Event> {

@@ -105,6 +105,8 @@ pub enum Action {
     Withdraw,
     /// Segments and leases are no longer needed.
     Retire,
+    /// It has ended: whoever asked to be told is told.
+    Announce,
 }
 
 /// An event that does not fit the state it met.
@@ -162,7 +164,7 @@ pub fn apply(job: &Job, event: &Event) -> Result<(Job, Vec<Action>), Illegal> {
             let publish = (left == 0).then_some(Action::Enqueue(JobTask::Publish));
             Ok((Job::Assembling { left, surfaces: *surfaces }, publish.into_iter().collect()))
         }
-        (Job::Assembling { left: 0, .. }, Event::Published) => Ok((Job::Done, vec![Action::Retire])),
+        (Job::Assembling { left: 0, .. }, Event::Published) => Ok((Job::Done, vec![Action::Retire, Action::Announce])),
         (Job::Failed { retry: Some(Retry { phase, left, surfaces }), .. }, Event::Retry) => {
             let baking = Job::Baking { phase: *phase, left: *left, surfaces: *surfaces };
             Ok((baking, vec![Action::Reopen { phase: *phase }]))
@@ -178,7 +180,7 @@ pub fn apply(job: &Job, event: &Event) -> Result<(Job, Vec<Action>), Illegal> {
 
 /// What may happen anywhere before the end, and ends it.
 fn ended(event: &Event) -> Option<(Job, Vec<Action>)> {
-    let actions = vec![Action::Withdraw, Action::Retire];
+    let actions = vec![Action::Withdraw, Action::Retire, Action::Announce];
     match event {
         Event::Fail(problem) => Some((Job::Failed { problem: problem.clone(), retry: None }, actions)),
         Event::Cancel => Some((Job::Cancelled, actions)),
@@ -234,7 +236,7 @@ fn without_hole(left: u64) -> u64 {
 
 /// A job that failed for a tile and can be tried again.
 fn suspended(problem: &Problem, retry: Retry) -> (Job, Vec<Action>) {
-    (Job::Failed { problem: problem.clone(), retry: Some(retry) }, vec![Action::Suspend])
+    (Job::Failed { problem: problem.clone(), retry: Some(retry) }, vec![Action::Suspend, Action::Announce])
 }
 
 /// A phase with `left` tiles to go: the last one of Probe calls its barrier, the last one of Bake calls assembly.

@@ -9,6 +9,8 @@
 pub mod conformance;
 mod error;
 mod model;
+mod requests;
+mod retention;
 mod rows;
 mod sql;
 mod tables;
@@ -17,9 +19,12 @@ mod tokens;
 pub use error::StoreError;
 pub use model::{
     AttemptRow, Candidate, ChunkOutcome, ChunkRow, ChunkTile, ClaimRow, Contribution, EventPage, Expiry, Figures, FinishOutcome, Grant,
-    Hints, JobFilter, JobRow, JobSpec, Late, NewChunk, PlanRef, SceneRow, StoredFile, StoredPackageFile, Task, TaskLease, TaskResult,
+    Hints, JobFilter, JobRow, JobSpec, Lane, Late, NewChunk, Notice, PlanRef, SceneRow, StoredFile, StoredPackageFile, Task, TaskLease,
+    TaskResult,
 };
 use model::{Beat, Delivery, Ending};
+pub use requests::{Claimed, KeptAnswer, NewRequest, REQUEST_KEPT, RequestStore};
+pub use retention::RetentionStore;
 pub use sql::SqlStore;
 pub use tokens::TokenStore;
 
@@ -43,7 +48,7 @@ pub const TASK_TRIES: u32 = 20;
 
 /// The state of the farm. All errors are failures of the store itself; what does not exist or does not fit is part of the answers.
 #[async_trait::async_trait]
-pub trait Store: TokenStore {
+pub trait Store: TokenStore + RequestStore + RetentionStore {
     /// Whether other coordinators may use it too.
     fn is_shared(&self) -> bool;
 
@@ -99,8 +104,12 @@ pub trait Store: TokenStore {
     /// The compressed bytes of a plan that a job has or had.
     async fn plan(&self, digest: Digest) -> Result<Option<BlobName>, StoreError>;
 
-    /// Takes the oldest task that waits and is due, until `deadline`.
+    /// Takes the oldest task that waits and is due, until `deadline`; notices have a method of their own, so that receivers who keep them
+    /// waiting keep no job waiting.
     async fn take_task(&self, token: Token, deadline: UnixMillis, now: UnixMillis) -> Result<Option<TaskLease>, StoreError>;
+
+    /// As [`Store::take_task`], the oldest [`Task::Notify`].
+    async fn take_notice(&self, token: Token, deadline: UnixMillis, now: UnixMillis) -> Result<Option<TaskLease>, StoreError>;
 
     /// Extends a task. Whether the token still holds it.
     async fn renew_task(&self, token: Token, deadline: UnixMillis) -> Result<bool, StoreError>;

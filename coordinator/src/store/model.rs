@@ -72,6 +72,8 @@ pub struct JobSpec {
     pub verify: f64,
     /// Decides which tiles those are; workers are never told.
     pub secret: String,
+    /// Whom to tell when it has ended: an address.
+    pub webhook: Option<String>,
 }
 
 /// A job as stored.
@@ -141,6 +143,31 @@ pub enum Task {
     Import(Uuid),
     /// Something for a job.
     Job(JobId, JobTask),
+    /// Tells the webhook of a job that it has ended. Not the job's own: whatever becomes of it changes nothing for the job, and nothing that
+    /// happens to the job recalls it.
+    Notify(Notice),
+}
+
+/// Which tasks are taken.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Lane {
+    /// What jobs wait for.
+    Work,
+    /// What others are told of.
+    Notices,
+}
+
+/// The end of a job, to be told.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Notice {
+    /// The job.
+    pub job: JobId,
+    /// How it ended.
+    pub state: JobState,
+    /// When.
+    pub at_ms: UnixMillis,
+    /// The number of its event, which tells apart the ends of a job that was tried again.
+    pub seq: i64,
 }
 
 /// A task that its holder may work on until the deadline.
@@ -220,6 +247,8 @@ pub enum TaskResult {
     Published(Vec<StoredPackageFile>),
     /// It cannot be done: the job fails.
     Failed(Problem),
+    /// A webhook was told, or there is nothing to tell any more.
+    Notified,
     /// It cannot be done yet: the bytes of a chunk of this phase are gone (see [`Store::lose_chunk`](super::Store::lose_chunk)).
     Lost(Phase, BlobName),
 }
@@ -428,7 +457,7 @@ pub struct Figures {
     pub tiles_leased: u64,
     /// Attempts held.
     pub attempts_held: u64,
-    /// Tasks that wait or run.
+    /// Tasks that wait or run, without notices.
     pub tasks: u64,
 }
 

@@ -6,7 +6,9 @@ mod faults;
 mod flow;
 mod live;
 mod lost;
+mod notices;
 pub(crate) mod real;
+mod retention;
 mod shares;
 
 use super::{
@@ -175,6 +177,8 @@ struct Rig {
     full: Arc<AtomicBool>,
     /// The next file fills the disk.
     full_after_next: Arc<AtomicBool>,
+    /// What the configuration says beside the folder.
+    base: Config,
 }
 
 impl Rig {
@@ -184,11 +188,12 @@ impl Rig {
             clock: Arc::new(AtomicI64::new(1_000_000)),
             full: Arc::default(),
             full_after_next: Arc::default(),
+            base: Config::default(),
         }
     }
 
     fn config(&self) -> Config {
-        Config { data_dir: self.dir.path().join("data"), reserve_bytes: 0, ..Config::default() }
+        Config { data_dir: self.dir.path().join("data"), reserve_bytes: 0, ..self.base.clone() }
     }
 
     async fn open(&self) -> Arc<Engine> {
@@ -242,7 +247,7 @@ async fn ready_scene(engine: &Engine) -> SceneRecord {
 fn new_job(scene: &SceneRecord) -> NewJob {
     let settings = SettingsPatch { texels_per_metre: Some(40.0), ..SettingsPatch::default() };
     let labels = [("who".to_owned(), "test".to_owned())].into();
-    NewJob { scene: scene.id.to_string(), settings, priority: 0, labels, verify: None }
+    NewJob { scene: scene.id.to_string(), settings, labels, ..NewJob::default() }
 }
 
 /// A worker that has said hello.

@@ -5,10 +5,12 @@ mod jobs;
 mod package;
 mod page;
 mod preview;
+mod repeats;
 mod surface;
 mod tcp;
 mod tls;
 mod uploads;
+mod webhooks;
 mod worker;
 
 use super::{App, HostPolicy};

@@ -4,7 +4,10 @@ mod concurrent;
 mod failures;
 mod jobs;
 mod leases;
+mod notices;
 mod opinions;
+mod requests;
+mod retention;
 mod schedule;
 mod tokens;
 
@@ -52,6 +55,14 @@ pub(crate) async fn all<F: Future<Output = Arc<dyn Store>>>(fresh: impl Fn() -> 
     tokens::tokens_are_kept_rotated_and_revoked_once(&*fresh().await).await;
     tokens::the_secret_of_the_service_is_made_once(&*fresh().await).await;
     tokens::scenes_and_jobs_have_owners(&*fresh().await).await;
+    notices::every_end_of_a_job_with_a_webhook_is_told(&*fresh().await).await;
+    notices::a_notice_that_is_given_up_changes_nothing_but_the_stream(&*fresh().await).await;
+    requests::a_key_has_one_request_and_one_answer(&*fresh().await).await;
+    requests::a_claim_that_ends_without_an_answer_is_free_again(&*fresh().await).await;
+    requests::answers_are_forgotten_after_a_day(&*fresh().await).await;
+    requests::a_claim_is_given_once(&*fresh().await).await;
+    retention::what_is_long_over_is_forgotten(&*fresh().await).await;
+    retention::what_is_under_way_or_tried_again_is_kept(&*fresh().await).await;
     schedule::random_schedules_agree_with_the_oracle(&*fresh().await).await;
     let store = fresh().await;
     concurrent(Arc::clone(&store), store).await;
@@ -109,7 +120,8 @@ fn spec(scene: Uuid, priority: i32) -> JobSpec {
     let labels = [("a".to_owned(), "b".to_owned())].into();
     let on_poison = crate::job::OnPoison::Fail;
     let (verify, secret) = (0.0, "secret".to_owned());
-    JobSpec { id: JobId::random(), scene, settings, priority, labels, bake_version: 1, on_poison, owner: None, verify, secret }
+    let (owner, webhook) = (None, None);
+    JobSpec { id: JobId::random(), scene, settings, priority, labels, bake_version: 1, on_poison, owner, verify, secret, webhook }
 }
 
 /// A job whose Probe phase of `tiles` tiles is open.

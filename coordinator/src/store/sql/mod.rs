@@ -9,6 +9,8 @@ mod access;
 mod database;
 mod group;
 mod postgres;
+mod requests;
+mod retention;
 mod sqlite;
 mod statement;
 mod store;

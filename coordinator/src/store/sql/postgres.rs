@@ -16,7 +16,12 @@ use std::{str::FromStr, time::Duration};
 
 /// One entry per schema: what takes a database from the one before to it, and the oldest schema whose programs can go on beside it. Entries
 /// are never edited, only added.
-const MIGRATIONS: [(&str, i64); 2] = [(include_str!("schema/postgres1.sql"), 1), (include_str!("schema/postgres2.sql"), 1)];
+const MIGRATIONS: [(&str, i64); 3] = [
+    (include_str!("schema/postgres1.sql"), 1),
+    (include_str!("schema/postgres2.sql"), 1),
+    // Programs before it would take the tasks that tell webhooks, and not know what they are.
+    (include_str!("schema/postgres3.sql"), 3),
+];
 
 /// Connections of one coordinator.
 const CONNECTIONS: u32 = 10;

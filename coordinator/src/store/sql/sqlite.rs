@@ -11,13 +11,14 @@ use sqlx::{
 use std::{path::Path, time::Duration};
 
 /// One entry per schema: what takes a database from the one before to it. Entries are never edited, only added.
-const MIGRATIONS: [&str; 6] = [
+const MIGRATIONS: [&str; 7] = [
     include_str!("schema/sqlite1.sql"),
     include_str!("schema/sqlite2.sql"),
     include_str!("schema/sqlite3.sql"),
     include_str!("schema/sqlite4.sql"),
     include_str!("schema/sqlite5.sql"),
     include_str!("schema/sqlite6.sql"),
+    include_str!("schema/sqlite7.sql"),
 ];
 
 /// SQLITE_CORRUPT and SQLITE_NOTADB.

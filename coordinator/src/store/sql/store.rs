@@ -3,7 +3,7 @@
 use super::{
     super::{
         AttemptRow, Beat, Candidate, ChunkOutcome, ChunkRow, ClaimRow, Contribution, Delivery, Ending, EventPage, Expiry, Figures,
-        FinishOutcome, Grant, Hints, JobFilter, JobRow, JobSpec, Late, NewChunk, SceneRow, Store, StoreError, StoredFile,
+        FinishOutcome, Grant, Hints, JobFilter, JobRow, JobSpec, Lane, Late, NewChunk, SceneRow, Store, StoreError, StoredFile,
         StoredPackageFile, TaskLease, TaskResult, rows,
         tables::{attempts, chunks, claims, events, figures, grants, jobs, late, lost, packages, scenes, shards, tasks, workers},
     },
@@ -209,7 +209,11 @@ impl Store for SqlStore {
     }
 
     async fn take_task(&self, token: Token, deadline: UnixMillis, now: UnixMillis) -> Result<Option<TaskLease>, StoreError> {
-        writing!(self.database, tx => tasks::take(tx, token, deadline, now).await)
+        writing!(self.database, tx => tasks::take(tx, Lane::Work, token, deadline, now).await)
+    }
+
+    async fn take_notice(&self, token: Token, deadline: UnixMillis, now: UnixMillis) -> Result<Option<TaskLease>, StoreError> {
+        writing!(self.database, tx => tasks::take(tx, Lane::Notices, token, deadline, now).await)
     }
 
     async fn renew_task(&self, token: Token, deadline: UnixMillis) -> Result<bool, StoreError> {

@@ -27,6 +27,6 @@ pub(in super::super) async fn figures(c: &mut Tx) -> Result<Figures, StoreError>
     let tiles_pending = sum("pending", c.one(pending).await?)?;
     let held = c.all(sql("SELECT remaining FROM attempts WHERE state = 'held'")).await?;
     let tiles_leased = held.iter().map(|row| Ok(rows::runs(&row.text("remaining")?)?.len())).sum::<Result<u64, StoreError>>()?;
-    let tasks = sum("tasks", c.one(sql("SELECT COUNT(*) AS tasks FROM tasks")).await?)?;
+    let tasks = sum("tasks", c.one(sql("SELECT COUNT(*) AS tasks FROM tasks WHERE notice = 0")).await?)?;
     Ok(Figures { jobs, tiles_pending, tiles_leased, attempts_held: held.len() as u64, tasks })
 }

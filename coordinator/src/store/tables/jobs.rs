@@ -28,12 +28,12 @@ pub(in super::super) async fn add(c: &mut Tx, spec: &JobSpec, now: UnixMillis) -
     let scene = scenes::lock(c, spec.scene).await?;
     let marks: Vec<Mark> = vec![(JobState::Queued, None, now)];
     let query = sql("INSERT INTO jobs (id, scene, scene_hash, public, state, settings, priority, labels, bake_version, created, marks, on_poison, owner,
-         verify, secret) VALUES ($1, $2, $3, 'queued', $4, $5, $6, $7, $8, $9, $10, $11, $12, $13, $14)");
+         verify, secret, webhook) VALUES ($1, $2, $3, 'queued', $4, $5, $6, $7, $8, $9, $10, $11, $12, $13, $14, $15)");
     let query = query.bind(spec.id.to_string()).bind(spec.scene.to_string());
     let query = query.bind(scene.as_ref().and_then(|s| s.record.scene).map(|s| s.to_string())).bind(json(&Job::Queued)?);
     let query = query.bind(json(&spec.settings)?).bind(spec.priority).bind(json(&spec.labels)?).bind(spec.bake_version);
     let query = query.bind(now).bind(json(&marks)?).bind(spec.on_poison.name()).bind(spec.owner.map(|id| id.to_string()));
-    c.run(query.bind(spec.verify).bind(&spec.secret)).await?;
+    c.run(query.bind(spec.verify).bind(&spec.secret).bind(spec.webhook.clone())).await?;
     events::append(c, spec.id, &EventKind::State { state: JobState::Queued, phase: None }, now).await?;
     let event = match scene.map(|s| s.record) {
         Some(scene) if scene.state == SceneState::Ready => Some(job::Event::SceneReady),
@@ -97,6 +97,7 @@ async fn perform(c: &mut Tx, id: JobId, action: &Action, now: UnixMillis) -> Res
             c.run(sql("DELETE FROM chunks WHERE job = $1").bind(id.to_string())).await?;
             Ok(())
         }
+        Action::Announce => tasks::announce(c, id, now).await,
     }
 }
 
@@ -140,6 +141,7 @@ fn row(row: &Row) -> Result<JobRow, StoreError> {
             owner: tokens::owner(row)?,
             verify: row.real("verify")?,
             secret: row.text("secret")?,
+            webhook: row.maybe_text("webhook")?,
         },
         scene_hash: row.maybe_text("scene_hash")?.map(|t| parse("a scene hash", &t)).transpose()?,
         state: job_state(&row.text("state")?)?,

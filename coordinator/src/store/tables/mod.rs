@@ -18,6 +18,8 @@ pub(super) mod lost;
 mod opinions;
 pub(super) mod packages;
 mod poison;
+pub(super) mod requests;
+pub(super) mod retention;
 pub(super) mod scenes;
 pub(super) mod shards;
 pub(super) mod tasks;

@@ -5,7 +5,7 @@ use crate::{
     job::{self, JobTask},
     records::{Problem, UnixMillis},
     store::{
-        StoreError, TASK_TRIES, Task, TaskLease, TaskResult,
+        Lane, Notice, StoreError, TASK_TRIES, Task, TaskLease, TaskResult,
         rows::{from_json, json, strange},
         sql::{Tx, either, sql},
     },
@@ -13,12 +13,27 @@ use crate::{
 use kiln_proto::ids::{JobId, Token};
 
 pub(super) async fn enqueue(c: &mut Tx, task: &Task) -> Result<(), StoreError> {
-    let job = match task {
-        Task::Job(id, _) => Some(id.to_string()),
-        Task::Import(_) => None,
+    // Notices are not found by their job: recalling a job's tasks must not recall what is to be told of an earlier end.
+    let (job, lane) = match task {
+        Task::Job(id, _) => (Some(id.to_string()), Lane::Work),
+        Task::Import(_) => (None, Lane::Work),
+        Task::Notify(_) => (None, Lane::Notices),
     };
-    c.run(sql("INSERT INTO tasks (job, task) VALUES ($1, $2)").bind(job).bind(json(task)?)).await?;
+    c.run(sql("INSERT INTO tasks (job, task, notice) VALUES ($1, $2, $3)").bind(job).bind(json(task)?).bind(notice(lane))).await?;
     Ok(())
+}
+
+/// Queues the notice of a job's end, where somebody asked for it.
+pub(super) async fn announce(c: &mut Tx, job: JobId, now: UnixMillis) -> Result<(), StoreError> {
+    let query = sql("SELECT public, seq FROM jobs WHERE id = $1 AND webhook IS NOT NULL");
+    let Some(row) = c.one(query.bind(job.to_string())).await? else { return Ok(()) };
+    let state = from_json("a job's public state", &format!("\"{}\"", row.text("public")?))?;
+    enqueue(c, &Task::Notify(Notice { job, state, at_ms: now, seq: row.int("seq")? })).await
+}
+
+/// The column that tells lanes apart.
+fn notice(lane: Lane) -> i64 {
+    i64::from(lane == Lane::Notices)
 }
 
 pub(super) async fn drop_all(c: &mut Tx, job: JobId) -> Result<(), StoreError> {
@@ -28,18 +43,19 @@ pub(super) async fn drop_all(c: &mut Tx, job: JobId) -> Result<(), StoreError> {
 
 pub(in super::super) async fn take(
     c: &mut Tx,
+    lane: Lane,
     token: Token,
     deadline: UnixMillis,
     now: UnixMillis,
 ) -> Result<Option<TaskLease>, StoreError> {
     let query = either(
         "UPDATE tasks SET token = $1, deadline = $2, tries = tries + 1
-         WHERE id = (SELECT id FROM tasks WHERE token IS NULL AND due <= $3 ORDER BY id LIMIT 1) RETURNING task, put_off",
+         WHERE id = (SELECT id FROM tasks WHERE token IS NULL AND due <= $3 AND notice = $4 ORDER BY id LIMIT 1) RETURNING task, put_off",
         // `= ANY(ARRAY(...))`, not `IN (...)`, which may be planned as a scan of the whole table.
         "UPDATE tasks SET token = $1, deadline = $2, tries = tries + 1 WHERE id = ANY(ARRAY(
-         SELECT id FROM tasks WHERE token IS NULL AND due <= $3 ORDER BY id LIMIT 1 FOR UPDATE SKIP LOCKED)) RETURNING task, put_off",
+         SELECT id FROM tasks WHERE token IS NULL AND due <= $3 AND notice = $4 ORDER BY id LIMIT 1 FOR UPDATE SKIP LOCKED)) RETURNING task, put_off",
     );
-    let Some(row) = c.one(query.bind(token.to_string()).bind(deadline).bind(now)).await? else { return Ok(None) };
+    let Some(row) = c.one(query.bind(token.to_string()).bind(deadline).bind(now).bind(notice(lane))).await? else { return Ok(None) };
     let (task, put_off) = (from_json("a task", &row.text("task")?)?, row.small("put_off")?);
     if let Task::Import(id) = task {
         scenes::mark_importing(c, id).await?;
@@ -96,6 +112,7 @@ fn name(task: Task) -> &'static str {
         Task::Job(_, JobTask::Merge(_)) => "merging a phase",
         Task::Job(_, JobTask::Assemble(_)) => "assembling a surface",
         Task::Job(_, JobTask::Publish) => "publishing the package",
+        Task::Notify(_) => "telling the webhook",
     }
 }
 
@@ -103,7 +120,7 @@ fn name(task: Task) -> &'static str {
 async fn lock_subject(c: &mut Tx, task: Task) -> Result<(), StoreError> {
     match task {
         Task::Import(scene) => scenes::lock(c, scene).await.map(drop),
-        Task::Job(job, _) => jobs::lock(c, job).await,
+        Task::Job(job, _) | Task::Notify(Notice { job, .. }) => jobs::lock(c, job).await,
     }
 }
 
@@ -123,6 +140,11 @@ async fn settle(c: &mut Tx, task: Task, result: &TaskResult, now: UnixMillis) ->
     let id = match task {
         Task::Import(scene) => return scenes::finish(c, scene, result, now).await,
         Task::Job(id, _) => id,
+        // The job has ended, however its notice ends.
+        Task::Notify(Notice { job, .. }) => match result {
+            TaskResult::Failed(problem) => return jobs::add_problem(c, job, problem, now).await,
+            _ => return Ok(()),
+        },
     };
     let event = match result {
         TaskResult::Prepared { plan, tiles, cost, surfaces, texels, warnings } => {
@@ -151,7 +173,7 @@ async fn settle(c: &mut Tx, task: Task, result: &TaskResult, now: UnixMillis) ->
         // A job whose loss was noticed by another task first has recalled this one, which then never comes here.
         TaskResult::Lost(phase, blob) if lost::lose(c, id, *phase, *blob, now).await? => return Ok(()),
         TaskResult::Lost(_, blob) => job::Event::Fail(Problem::new(format!("the blob {blob} is gone"))),
-        TaskResult::Imported { .. } | TaskResult::Rejected(_) => return Ok(()),
+        TaskResult::Imported { .. } | TaskResult::Rejected(_) | TaskResult::Notified => return Ok(()),
     };
     match jobs::happen(c, id, &event, now).await? {
         Some(Err(illegal)) => Err(strange("a task that fits its job", illegal.to_string())),

@@ -157,6 +157,7 @@ impl Farm {
                     bake.segments.clear();
                     self.oracle.forget(j);
                 }
+                job::Action::Announce => {}
                 job::Action::Recall => bake.tasks.clear(),
                 job::Action::Reopen { .. } if self.slip == Some(Slip::ShutQuarantine) => {}
                 job::Action::Reopen { .. } => {

@@ -1,6 +1,5 @@
 -- Schema 2, SQLite's schema 6. Attempts know what they are for (tiles that wait, the twin of a late attempt, a check of another worker) and what
--- their tiles
--- cost; shards which tiles are baked twice; chunks who brought them; jobs which share of their tiles is baked twice, and the secret that says
+-- their tiles cost; shards which tiles are baked twice; chunks who brought them; jobs which share of their tiles is baked twice, and the secret that says
 -- which.
 ALTER TABLE attempts ADD COLUMN kind TEXT NOT NULL DEFAULT 'work';
 ALTER TABLE attempts ADD COLUMN twin_of TEXT;
