@@ -12,7 +12,7 @@ pub(super) mod jobs;
 mod locks;
 pub(super) mod lost;
 pub(super) mod packages;
-mod poison;
+pub(super) mod poison;
 pub(super) mod scenes;
 pub(super) mod shards;
 pub(super) mod tasks;
