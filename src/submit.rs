@@ -1,11 +1,18 @@
 //! `kiln submit`: send scenes with all that they refer to.
 
 use crate::{
-    api::Api, bake, bake_settings::SettingsArgs, error::CommandError, import_args::ImportArgs, output, progress, watch::ServerArgs,
+    api::Api,
+    bake,
+    bake_settings::{SettingsArgs, word},
+    error::CommandError,
+    import_args::ImportArgs,
+    output, progress,
+    watch::ServerArgs,
 };
 use clap::Args;
 use kiln_coordinator::{
     import::bundle::{self, Bundle},
+    job::OnPoison,
     records::{JobRecord, NewJob},
 };
 use kiln_proto::{options::ImportOptions, settings::SettingsPatch};
@@ -32,9 +39,20 @@ pub struct SubmitArgs {
     #[arg(long, value_name = "KEY=VALUE", value_parser = label)]
     label: Vec<(String, String)>,
     #[command(flatten)]
+    poison: PoisonArgs,
+    #[command(flatten)]
     import: ImportArgs,
     #[command(flatten)]
     settings: SettingsArgs,
+}
+
+/// What becomes of a job with a tile that nobody can bake.
+#[derive(Debug, Clone, Copy, Args)]
+pub struct PoisonArgs {
+    /// What becomes of a job when one of its tiles is given up: fail (it can be tried again), or skip (it ends without the tile; the package
+    /// lists such holes and fills them from beside)
+    #[arg(long, value_name = "WHAT", value_parser = word::<OnPoison>, default_value = OnPoison::Fail.name())]
+    on_poison: OnPoison,
 }
 
 fn label(text: &str) -> Result<(String, String), String> {
@@ -48,9 +66,10 @@ pub async fn run(args: &SubmitArgs, json: bool) -> Result<(), CommandError> {
     let api = args.server.api()?;
     let scratch = scratch()?;
     let labels: BTreeMap<_, _> = args.label.iter().cloned().collect();
+    let how = Order { priority: args.priority, labels, poison: args.poison };
     for scene in &args.scenes {
         let scene = collect(scene, &args.import, scratch.path())?;
-        let job = create(&api, &scene, settings.clone(), args.priority, labels.clone()).await?;
+        let job = create(&api, &scene, settings.clone(), how.clone()).await?;
         if json {
             output::json(&serde_json::json!({"id": job.id}))?;
         } else {
@@ -63,19 +82,25 @@ pub async fn run(args: &SubmitArgs, json: bool) -> Result<(), CommandError> {
     Ok(())
 }
 
+/// What is asked of a job beside its scene and settings.
+#[derive(Debug, Clone)]
+pub struct Order {
+    /// Higher goes first.
+    pub priority: i32,
+    /// The client's own.
+    pub labels: BTreeMap<String, String>,
+    /// What becomes of it when a tile is given up.
+    pub poison: PoisonArgs,
+}
+
 /// Uploads a scene and creates its job; warnings of the import go to stderr.
-pub async fn create(
-    api: &Api,
-    scene: &Collected,
-    settings: SettingsPatch,
-    priority: i32,
-    labels: BTreeMap<String, String>,
-) -> Result<JobRecord, CommandError> {
+pub async fn create(api: &Api, scene: &Collected, settings: SettingsPatch, how: Order) -> Result<JobRecord, CommandError> {
     let record = api.upload(&scene.bundle, &scene.options).await?;
     for warning in &record.warnings {
         eprintln!("warning: {warning}");
     }
-    api.create_job(&NewJob { scene: record.id.to_string(), settings, priority, labels }).await
+    let Order { priority, labels, poison: PoisonArgs { on_poison } } = how;
+    api.create_job(&NewJob { scene: record.id.to_string(), settings, priority, labels, on_poison }).await
 }
 
 /// A scene as it is on its way to an import.

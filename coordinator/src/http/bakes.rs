@@ -13,6 +13,7 @@ use super::{
 };
 use crate::{
     auth::audit::Action,
+    job::OnPoison,
     records::{JobRecord, NewJob, SceneRecord},
 };
 use axum::{
@@ -36,6 +37,10 @@ upload_query! {
         /// Higher goes first.
         #[serde(default)]
         priority: i32,
+        /// What becomes of the job when one of its tiles is given up: it fails (`fail`, the default), or ends without the tile (`skip`).
+        #[serde(default)]
+        #[param(inline)]
+        on_poison: OnPoison,
     }
 }
 
@@ -71,7 +76,8 @@ pub(super) async fn create(
     }
     let settings = given.or(part).unwrap_or_default();
     let scene = scenes::import(&app.engine, upload, options, caller.principal.owner()).await?;
-    let new = NewJob { scene: scene.id.to_string(), settings, priority: query.priority, labels: BTreeMap::new() };
+    let (priority, on_poison) = (query.priority, query.on_poison);
+    let new = NewJob { scene: scene.id.to_string(), settings, priority, labels: BTreeMap::new(), on_poison };
     let job = app.engine.create_job(new, &caller.principal).await?;
     caller.note(Action::JobCreated, &job.id);
     Ok((StatusCode::CREATED, [(header::LOCATION, jobs::location(job.id))], Json(Bake { scene, job })))
