@@ -126,3 +126,24 @@ pub fn collect(scene: &Path, import: &ImportArgs, scratch: &Path) -> Result<Coll
 pub fn scratch() -> Result<tempfile::TempDir, CommandError> {
     tempfile::tempdir().map_err(|e| CommandError::from_error("cannot create a temporary folder", &e))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::Parser;
+
+    #[derive(Debug, Parser)]
+    struct Line {
+        #[command(flatten)]
+        submit: SubmitArgs,
+    }
+
+    #[test]
+    fn what_becomes_of_a_job_with_a_bad_tile_is_a_word_of_the_api() {
+        let parse = |more: &[&str]| Line::try_parse_from([&["submit", "room.obj"], more].concat());
+        let chosen = |more: &[&str]| parse(more).unwrap().submit.poison.on_poison;
+        assert_eq!((chosen(&[]), chosen(&["--on-poison", "skip"])), (OnPoison::Fail, OnPoison::Skip));
+        let refused = parse(&["--on-poison", "ignore"]).unwrap_err().to_string();
+        assert!(refused.contains("`fail` or `skip`"), "{refused}");
+    }
+}
