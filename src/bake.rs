@@ -8,7 +8,8 @@ use crate::{
     fetch::{self, Content, OutputFolder},
     host::{Host, asked_to_stop},
     import_args::ImportArgs,
-    output, progress, submit,
+    output, progress,
+    submit::{self, PoisonArgs},
 };
 use clap::Args;
 use kiln_coordinator::{
@@ -36,6 +37,8 @@ pub struct BakeArgs {
     #[command(flatten)]
     content: Content,
     #[command(flatten)]
+    poison: PoisonArgs,
+    #[command(flatten)]
     import: ImportArgs,
     #[command(flatten)]
     settings: SettingsArgs,
@@ -58,7 +61,7 @@ pub async fn run(args: &BakeArgs, json: bool) -> Result<(), CommandError> {
     let mut delivered = Vec::new();
     let work = async {
         for ((scene, target), bundle) in targets.iter().zip(bundles) {
-            let new = NewJob { settings: settings.clone(), ..NewJob::default() };
+            let new = NewJob { settings: settings.clone(), on_poison: args.poison.on_poison, ..NewJob::default() };
             let job = submit::create(&api, &bundle, new).await.map_err(Failure::Bake)?;
             let done = progress::follow(&api, job.id).await.and_then(finished).map_err(Failure::Bake)?;
             fetch::deliver(&api, done.id, args.content, target).await.map_err(|e| Failure::Delivery(done.id, e))?;
@@ -125,10 +128,18 @@ fn targets(scenes: &[PathBuf], output: &Path) -> Result<Vec<(PathBuf, PathBuf)>,
     Ok(targets)
 }
 
-/// The job if it succeeded, its problem as an error if not.
+/// The job if it succeeded, its problem as an error if not. That it ended without some tiles is a warning on stderr.
 pub fn finished(job: JobRecord) -> Result<JobRecord, CommandError> {
     match job.state {
-        JobState::Done => Ok(job),
+        JobState::Done => {
+            if job.holes > 0 {
+                eprintln!(
+                    "warning: job {} ended without {} of its {} tiles; `kiln inspect` lists the holes",
+                    job.id, job.holes, job.progress.tiles
+                );
+            }
+            Ok(job)
+        }
         JobState::Cancelled => Err(CommandError::work(format!("job {} was cancelled", job.id))),
         _ => {
             let why = job.problem.map_or_else(|| "no reason was given".to_owned(), |p| p.to_string());

@@ -9,7 +9,7 @@ use crate::{
     package::{Package, Raw, ToolError, io_fault},
 };
 use kiln_coordinator::{
-    assemble::{Published, SourceError, SurfaceReport, assemble_surface, write_manifest},
+    assemble::{Published, SourceError, SurfaceReport, assemble_around, assemble_surface, write_manifest},
     blob::publish,
 };
 use kiln_proto::{
@@ -119,7 +119,11 @@ fn encode_surface(package: &Package, plan: &Plan, surface: usize, out: &Path) ->
     let mut source = |index: usize| -> Result<Vec<u8>, SourceError> {
         Ok(segment(plan, surface, TileIndex(first + index as u64), &plan.surfaces[surface].tiles[index], &raster, &raw)?)
     };
-    Ok(assemble_surface(plan, surface, &package.scene.surfaces[surface].file_stem, &mut source, out)?)
+    let stem = &package.scene.surfaces[surface].file_stem;
+    Ok(match package.holes(plan, surface)? {
+        Some(holes) => assemble_around(&holes, stem, &mut source, out)?,
+        None => assemble_surface(plan, surface, stem, &mut source, out)?,
+    })
 }
 
 fn segment(

@@ -91,12 +91,36 @@ fn print(package: &Package, hash: PackageHash, verification: Option<&verify::Ver
     for s in m.surfaces.iter().filter(|s| s.encoding.grew) {
         writeln!(out, "{} grew: its light is too varied for this rule.", s.name)?;
     }
+    holes(package, out)?;
     if let Some(v) = verification {
         writeln!(out)?;
         v.differences.iter().try_for_each(|d| writeln!(out, "DIFFERS  {d}"))?;
         let errors = if v.errors_measured { "errors measured again from raw" } else { "errors not measured: no raw radiance was kept" };
         let verdict = if v.differences.is_empty() { "verified" } else { "NOT VERIFIED" };
         writeln!(out, "{verdict}: {} files hashed, {} texels decoded, {errors}", v.files, thousands(v.texels))?;
+    }
+    Ok(())
+}
+
+/// Lists the tiles that could not be baked.
+fn holes(package: &Package, out: &mut dyn Write) -> std::io::Result<()> {
+    for (surface, layout) in package.manifest.surfaces.iter().zip(&package.plan.surfaces) {
+        for h in &surface.holes {
+            let (right, top) = (h.x.saturating_add(h.width), h.y.saturating_add(h.height));
+            writeln!(
+                out,
+                "hole     {} tile {}, columns {} to {right} and rows {} to {top} ({} covered texels): {}",
+                surface.name,
+                h.tile,
+                h.x,
+                h.y,
+                thousands(h.covered.into()),
+                h.reason
+            )?;
+        }
+        if !surface.holes.is_empty() && surface.holes.len() == layout.tiles.len() {
+            writeln!(out, "{} has no tile at all: it is black.", surface.name)?;
+        }
     }
     Ok(())
 }

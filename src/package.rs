@@ -8,7 +8,7 @@ pub(crate) mod fixture;
 
 use crate::error::CommandError;
 use kiln_coordinator::{
-    assemble::AssembleError,
+    assemble::{AssembleError, Hole, Holes},
     preview::{PackageFiles, RenderError},
 };
 use kiln_proto::{
@@ -166,6 +166,14 @@ impl Package {
     /// The raster of a surface.
     pub(crate) fn raster(&self, surface: usize) -> SurfaceRaster {
         SurfaceRaster::new(&self.scene, &self.scene.surfaces[surface], &self.plan.surfaces[surface], self.plan.settings.frame)
+    }
+
+    /// The holes of a surface laid out by `plan`; nothing where it is whole.
+    pub(crate) fn holes<'a>(&self, plan: &'a Plan, surface: usize) -> Result<Option<Holes<'a>>, ToolError> {
+        let claims = &self.manifest.surfaces[surface].holes;
+        let list = claims.iter().map(|hole| Hole { tile: hole.tile as usize, reason: hole.reason.clone() }).collect();
+        let holes = (!claims.is_empty()).then(|| Holes::new(&self.scene, plan, surface, list)).transpose();
+        holes.map_err(|error| ToolError::Damaged(format!("{}: {error}", self.dir.join(manifest::PATH).display())))
     }
 
     /// The walk of a surface over the package's grid.

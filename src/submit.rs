@@ -1,11 +1,18 @@
 //! `kiln submit`: send scenes with all that they refer to.
 
 use crate::{
-    api::Api, bake, bake_settings::SettingsArgs, error::CommandError, import_args::ImportArgs, output, progress, watch::ServerArgs,
+    api::Api,
+    bake,
+    bake_settings::{SettingsArgs, word},
+    error::CommandError,
+    import_args::ImportArgs,
+    output, progress,
+    watch::ServerArgs,
 };
 use clap::Args;
 use kiln_coordinator::{
     import::bundle::{self, Bundle},
+    job::OnPoison,
     records::{JobRecord, NewJob},
 };
 use kiln_proto::options::ImportOptions;
@@ -38,9 +45,20 @@ pub struct SubmitArgs {
     #[arg(long, value_name = "URL")]
     webhook: Option<String>,
     #[command(flatten)]
+    poison: PoisonArgs,
+    #[command(flatten)]
     import: ImportArgs,
     #[command(flatten)]
     settings: SettingsArgs,
+}
+
+/// What becomes of a job with a tile that nobody can bake.
+#[derive(Debug, Clone, Copy, Args)]
+pub struct PoisonArgs {
+    /// What becomes of a job when one of its tiles is given up: fail (it can be tried again), or skip (it ends without the tile; the package
+    /// lists such holes and fills them from beside)
+    #[arg(long, value_name = "WHAT", value_parser = word::<OnPoison>, default_value = OnPoison::Fail.name())]
+    pub on_poison: OnPoison,
 }
 
 fn label(text: &str) -> Result<(String, String), String> {
@@ -56,8 +74,15 @@ pub async fn run(args: &SubmitArgs, json: bool) -> Result<(), CommandError> {
     let labels: BTreeMap<_, _> = args.label.iter().cloned().collect();
     for scene in &args.scenes {
         let scene = collect(scene, &args.import, scratch.path())?;
-        let (settings, labels, webhook) = (settings.clone(), labels.clone(), args.webhook.clone());
-        let new = NewJob { settings, priority: args.priority, labels, verify: args.verify, webhook, ..NewJob::default() };
+        let new = NewJob {
+            scene: String::new(),
+            settings: settings.clone(),
+            priority: args.priority,
+            labels: labels.clone(),
+            verify: args.verify,
+            webhook: args.webhook.clone(),
+            on_poison: args.poison.on_poison,
+        };
         let job = create(&api, &scene, new).await?;
         if json {
             output::json(&serde_json::json!({"id": job.id}))?;
@@ -102,4 +127,25 @@ pub fn collect(scene: &Path, import: &ImportArgs, scratch: &Path) -> Result<Coll
 /// A folder for unpacked archives.
 pub fn scratch() -> Result<tempfile::TempDir, CommandError> {
     tempfile::tempdir().map_err(|e| CommandError::from_error("cannot create a temporary folder", &e))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::Parser;
+
+    #[derive(Debug, Parser)]
+    struct Line {
+        #[command(flatten)]
+        submit: SubmitArgs,
+    }
+
+    #[test]
+    fn what_becomes_of_a_job_with_a_bad_tile_is_a_word_of_the_api() {
+        let parse = |more: &[&str]| Line::try_parse_from([&["submit", "room.obj"], more].concat());
+        let chosen = |more: &[&str]| parse(more).unwrap().submit.poison.on_poison;
+        assert_eq!((chosen(&[]), chosen(&["--on-poison", "skip"])), (OnPoison::Fail, OnPoison::Skip));
+        let refused = parse(&["--on-poison", "ignore"]).unwrap_err().to_string();
+        assert!(refused.contains("`fail` or `skip`"), "{refused}");
+    }
 }

@@ -1,7 +1,7 @@
 //! What the coordinator knows of scenes, jobs, workers and packages: the shapes that the engine hands to HTTP, the event stream and the
 //! dashboard. They are serialised as they stand, so every name here is part of the API.
 
-use crate::auth::TokenId;
+use crate::{auth::TokenId, job::OnPoison};
 use kiln_proto::{
     ids::{JobId, SceneHash, WorkerId},
     options::ImportOptions,
@@ -195,6 +195,9 @@ pub struct NewJob {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(format = "uri", example = "https://ci.example/kiln")]
     pub webhook: Option<String>,
+    /// What becomes of the job when one of its tiles is given up: it fails, or ends without the tile.
+    #[serde(default)]
+    pub on_poison: OnPoison,
 }
 
 /// What a webhook is told.
@@ -259,6 +262,12 @@ pub struct JobRecord {
     pub priority: i32,
     /// The client's own.
     pub labels: BTreeMap<String, String>,
+    /// What becomes of it when one of its tiles is given up.
+    #[serde(default)]
+    pub on_poison: OnPoison,
+    /// Tiles that it ends without, from the moment that it is assembled; absent where there are none. The manifest lists those of its package.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub holes: u64,
     /// The id of the token that brought it; absent where it came while the service asked for none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(value_type = Option<String>)]
@@ -275,6 +284,10 @@ pub struct JobRecord {
     pub started_ms: Option<UnixMillis>,
     /// When it reached a final state.
     pub finished_ms: Option<UnixMillis>,
+}
+
+fn is_zero(count: &u64) -> bool {
+    *count == 0
 }
 
 /// How far a job is.

@@ -128,8 +128,13 @@ impl Plan {
     /// The order in which a surface's samples are walked: by azimuth before the Probe phase has chosen.
     #[must_use]
     pub fn order(&self, surface: usize) -> Order {
-        let walk = self.probe.as_ref().and_then(|p| p.walks.get(surface)).copied().unwrap_or_default();
-        Order::new(self.settings.directions, walk)
+        Order::new(self.settings.directions, self.walk(surface))
+    }
+
+    /// The walk of that order.
+    #[must_use]
+    pub fn walk(&self, surface: usize) -> Walk {
+        self.probe.as_ref().and_then(|p| p.walks.get(surface)).copied().unwrap_or_default()
     }
 
     /// The exposure of the 8-bit coding: none before the Probe phase has found it.

@@ -59,6 +59,20 @@ fn encoding_again_is_baking_again() {
     }
 }
 
+/// Holes are filled anew from what the new encoding keeps, and stay listed.
+#[test]
+fn a_package_with_holes_keeps_them() {
+    let dir = tempfile::tempdir().unwrap();
+    let at = |name: &str| dir.path().join(name);
+    let settings = |eps, raw| fixture::settings(Rule::Bounded { eps }, raw);
+    fixture::bake_around(&at("from"), settings(2, Some(RawFormat::F32)), [&[1], &[0]]);
+    fixture::bake_around(&at("baked"), settings(1, Some(RawFormat::U8)), [&[1], &[0]]);
+    let mut args = Args { raw: Some(RawFormat::U8), ..args(&at("from"), &at("encoded")) };
+    args.rule.eps = Some(1);
+    encode(&args).unwrap();
+    assert!(files(&at("baked")) == files(&at("encoded")));
+}
+
 #[test]
 fn what_cannot_be_encoded_is_refused_and_leaves_nothing_behind() {
     let dir = tempfile::tempdir().unwrap();

@@ -100,6 +100,50 @@ fn edit_manifest(dir: &Path, change: impl FnOnce(&mut manifest::Manifest)) {
     fs::write(&path, manifest.to_bytes().unwrap()).unwrap();
 }
 
+/// A package without the second tile of the wall and without the only one of the lamp, written to `dir`.
+fn torn(dir: &Path, raw: Option<RawFormat>) {
+    fixture::bake_around(dir, fixture::settings(Rule::default(), raw), [&[1], &[0]]);
+}
+
+#[test]
+fn a_package_with_holes_is_verified_and_lists_them() {
+    for raw in [None, Some(RawFormat::U8), Some(RawFormat::F32)] {
+        let dir = tempfile::tempdir().unwrap();
+        torn(dir.path(), raw);
+        let (result, text) = inspect(dir.path(), true, false);
+        assert!(result.is_ok(), "{}\n{text}", result.unwrap_err());
+        // The wall covers 35 x 33 texels: its second tile has the last three columns of the first 32 rows.
+        let line = "hole     wall tile 1, columns 32 to 64 and rows 0 to 32 (96 covered texels): failed 3 times on 2 workers";
+        assert!(text.contains(line) && text.contains("lamp has no tile at all: it is black."), "{text}");
+        let (_, json) = inspect(dir.path(), true, true);
+        let json: serde_json::Value = serde_json::from_str(&json).unwrap();
+        assert_eq!(json["manifest"]["surfaces"][0]["holes"][0]["reason"], "failed 3 times on 2 workers");
+        fixture::bake(dir.path(), fixture::settings(Rule::default(), raw));
+        assert!(!inspect(dir.path(), true, false).1.contains("hole "));
+    }
+}
+
+#[test]
+fn what_a_package_says_of_its_holes_is_checked() {
+    let refusal = |change: &dyn Fn(&Path)| {
+        let dir = tempfile::tempdir().unwrap();
+        torn(dir.path(), None);
+        change(dir.path());
+        inspect(dir.path(), true, false).0.unwrap_err().to_string()
+    };
+    let moved = refusal(&|dir| edit_manifest(dir, |m| m.surfaces[0].holes[0].x = 64));
+    assert!(moved.contains("manifest.surfaces[0].holes[0].x is 64; measured: 32"), "{moved}");
+    let none = refusal(&|dir| edit_manifest(dir, |m| m.surfaces[0].holes[0].tile = 99));
+    assert!(none.contains("manifest.json") && none.contains("none of its tiles"), "{none}");
+    // Texel (32, 0) is the first of the wall's hole; its first sample takes another colour of the map.
+    let strays = refusal(&|dir| {
+        let starts = fs::read(dir.join("surfaces/wall.mtsp")).unwrap();
+        let first = u32::from_le_bytes(*starts[32 + 4 * 32..].first_chunk().unwrap()) as usize;
+        reseal(dir, "surfaces/wall.mtnc", |colours| colours[2 * first] ^= 1);
+    });
+    assert!(strays.contains("1 texels of holes, (32, 0)"), "{strays}");
+}
+
 #[test]
 fn files_and_the_list_of_files_are_held_against_each_other() {
     let fresh = |raw| {

@@ -5,14 +5,13 @@
 mod files;
 
 use crate::package::{Coded, Package, Raw, ToolError};
-use kiln_coordinator::assemble::{SurfaceReport, describe};
+use kiln_coordinator::assemble::{Hole, Holes, SurfaceReport, describe};
 use kiln_proto::{
     codec::pwl::{ErrorStats, Kept, Order, Sample, decode_row},
     format::{
         FileRecord, container,
         stream::{ReadError, Run, Trust, runs},
     },
-    plan::PlannedTile,
     settings::{Footprint, Rule},
     texel::{Row, SurfaceRaster},
 };
@@ -40,13 +39,12 @@ pub(super) struct Verification {
 #[derive(Default)]
 struct Measured {
     texels: u64,
-    covered: u64,
     kept: u64,
     errors: ErrorStats,
     /// Gutter texels that do not hold the samples of the covered texel nearest to them.
-    strays: u64,
-    /// The first of them: column, row.
-    stray: Option<(u32, u32)>,
+    gutter: Strays,
+    /// Texels of holes that do not hold the samples that fill them.
+    holes: Strays,
 }
 
 impl Measured {
@@ -54,13 +52,43 @@ impl Measured {
         self.errors.add(&other.errors);
         Self {
             texels: self.texels + other.texels,
-            covered: self.covered + other.covered,
             kept: self.kept + other.kept,
             errors: self.errors,
-            strays: self.strays + other.strays,
-            stray: self.stray.or(other.stray),
+            gutter: self.gutter.add(other.gutter),
+            holes: self.holes.add(other.holes),
         }
     }
+}
+
+/// Texels that do not hold what they borrow.
+#[derive(Debug, Clone, Copy, Default)]
+struct Strays {
+    count: u64,
+    /// The first of them: column, row.
+    first: Option<(u32, u32)>,
+}
+
+impl Strays {
+    fn add(self, other: Strays) -> Self {
+        Self { count: self.count + other.count, first: self.first.or(other.first) }
+    }
+
+    fn note(&mut self, strays: bool, row: Row) {
+        if strays {
+            *self = self.add(Strays { count: 1, first: Some((row.x, row.y)) });
+        }
+    }
+}
+
+/// A surface whose texels are looked at.
+struct Look<'a> {
+    package: &'a Package,
+    surface: usize,
+    raster: SurfaceRaster,
+    order: Order,
+    coded: Coded,
+    raw: Option<Raw>,
+    holes: Option<Holes<'a>>,
 }
 
 /// Measures the package again. Differences are found, not errors; files that cannot be read at all are errors.
@@ -104,50 +132,62 @@ fn measure(package: &Package, surface: usize) -> Result<(Measured, Coded), ToolE
     if package.plan.settings.footprint == Footprint::Area {
         raster = raster.with_seams(&package.scene, &package.scene.surfaces[surface], &package.plan.surfaces[surface]);
     }
-    let tiles = &package.plan.surfaces[surface].tiles;
-    let parts = tiles.par_iter().map(|tile| measure_tile(package, surface, *tile, (&raster, &order), &coded, raw.as_ref()));
-    Ok((parts.try_reduce(Measured::default, |a, b| Ok(a.add(&b)))?, coded))
+    let look = Look { package, surface, raster, order, coded, raw, holes: package.holes(&package.plan, surface)? };
+    let parts = (0..package.plan.surfaces[surface].tiles.len()).into_par_iter().map(|tile| look.tile(tile));
+    Ok((parts.try_reduce(Measured::default, |a, b| Ok(a.add(&b)))?, look.coded))
 }
 
-fn measure_tile(
-    package: &Package,
-    surface: usize,
-    tile: PlannedTile,
-    (raster, order): (&SurfaceRaster, &Order),
-    coded: &Coded,
-    raw: Option<&Raw>,
-) -> Result<Measured, ToolError> {
-    let rows = raster.tile(tile.cell);
-    let runs = runs(&rows, package.plan.surfaces[surface].size.width);
-    let originals = raw.map(|raw| raw.read_coded(&runs)).transpose()?;
-    let mut out = Measured { texels: rows.len() as u64, ..Measured::default() };
-    let mut decoded = vec![Sample::default(); order.len()];
-    let kept = runs.iter().map(|run| coded.read(*run)).collect::<Result<Vec<_>, _>>()?;
-    for (k, (row, kept)) in rows.iter().zip(kept.iter().flat_map(|k| k.iter())).enumerate() {
-        let name = || package.scene.surfaces[surface].name.clone();
-        decode_row(kept, order, &mut decoded).map_err(|source| ReadError::Texel { surface: name(), x: row.x, y: row.y, source })?;
-        out.kept += kept.len() as u64;
-        if row.is_covered() {
-            out.covered += 1;
-            if let Some(originals) = &originals {
-                out.errors.measure(&originals[k * order.len()..(k + 1) * order.len()], &decoded);
+impl Look<'_> {
+    fn tile(&self, tile: usize) -> Result<Measured, ToolError> {
+        let layout = &self.package.plan.surfaces[self.surface];
+        let rows = self.raster.tile(layout.tiles[tile].cell);
+        let runs = runs(&rows, layout.size.width);
+        let originals = self.raw.as_ref().map(|raw| raw.read_coded(&runs)).transpose()?;
+        // In the order of the rows.
+        let patches = self.holes.as_ref().filter(|holes| holes.contains(tile)).map(|holes| holes.patches(tile));
+        let mut out = Measured { texels: rows.len() as u64, ..Measured::default() };
+        let mut decoded = vec![Sample::default(); self.order.len()];
+        let kept = runs.iter().map(|run| self.coded.read(*run)).collect::<Result<Vec<_>, _>>()?;
+        for (k, (row, kept)) in rows.iter().zip(kept.iter().flat_map(|k| k.iter())).enumerate() {
+            let name = || self.package.scene.surfaces[self.surface].name.clone();
+            decode_row(kept, &self.order, &mut decoded).map_err(|source| ReadError::Texel {
+                surface: name(),
+                x: row.x,
+                y: row.y,
+                source,
+            })?;
+            out.kept += kept.len() as u64;
+            if let Some(patch) = patches.as_ref().and_then(|patches| patches.get(k)) {
+                let strays = match patch.from {
+                    Some(from) => self.differs(*row, from, kept)?,
+                    None => decoded.iter().any(|rgb| *rgb != [0; 3]),
+                };
+                out.holes.note(strays, *row);
+            } else if row.is_covered() {
+                if let Some(originals) = &originals {
+                    out.errors.measure(&originals[k * self.order.len()..(k + 1) * self.order.len()], &decoded);
+                }
+            } else if self.raster.beyond(*row).is_none() && !self.is_hidden(row.source) {
+                out.gutter.note(self.differs(*row, row.source, kept)?, *row);
             }
-        } else if raster.beyond(*row).is_none() && strays(package, surface, *row, (coded, kept), raw)? {
-            out.strays += 1;
-            out.stray = out.stray.or(Some((row.x, row.y)));
         }
+        Ok(out)
     }
-    Ok(out)
-}
 
-/// Whether a gutter texel, which keeps `kept`, differs from the covered texel that it borrows from.
-fn strays(package: &Package, surface: usize, row: Row, (coded, kept): (&Coded, &[Kept]), raw: Option<&Raw>) -> Result<bool, ToolError> {
-    let width = u64::from(package.plan.surfaces[surface].size.width);
-    let run = |(x, y): (u32, u32)| Run { first: u64::from(y) * width + u64::from(x), count: 1 };
-    if coded.read(run(row.source))?.iter().any(|source| source != kept) {
-        return Ok(true);
+    /// Whether what a gutter texel borrows lies in a hole: it was baked with its own tile, and is right where its source is not.
+    fn is_hidden(&self, source: (u32, u32)) -> bool {
+        self.holes.as_ref().is_some_and(|holes| holes.hides(source))
     }
-    raw.map_or(Ok(false), |raw| Ok(raw.read(&[run((row.x, row.y))])? != raw.read(&[run(row.source)])?))
+
+    /// Whether a texel, which keeps `kept`, differs from the covered texel that it borrows from.
+    fn differs(&self, row: Row, source: (u32, u32), kept: &[Kept]) -> Result<bool, ToolError> {
+        let width = u64::from(self.package.plan.surfaces[self.surface].size.width);
+        let run = |(x, y): (u32, u32)| Run { first: u64::from(y) * width + u64::from(x), count: 1 };
+        if self.coded.read(run(source))?.iter().any(|source| source != kept) {
+            return Ok(true);
+        }
+        self.raw.as_ref().map_or(Ok(false), |raw| Ok(raw.read(&[run((row.x, row.y))])? != raw.read(&[run(source)])?))
+    }
 }
 
 /// What a surface breaks beside the manifest's numbers: the bound of its rule, the form of its colour map, its gutter.
@@ -161,10 +201,13 @@ fn faults(package: &Package, surface: usize, measured: &Measured, coded: &Coded)
     let bound = bound(package.plan.settings.rule).filter(|most| max > *most);
     let bound = bound.map(|most| format!("{found} of {max} is above {most}, the bound of {}", package.plan.settings.rule));
     let map = (!coded.map_ascends()).then(|| ".mtm is not ascending with each colour once".to_owned());
-    let gutter = measured.stray.map(|(x, y)| {
-        format!("{} gutter texels, ({x}, {y}) the first, do not hold the samples of their nearest covered texel", measured.strays)
+    let gutter = measured.gutter.first.map(|(x, y)| {
+        format!("{} gutter texels, ({x}, {y}) the first, do not hold the samples of their nearest covered texel", measured.gutter.count)
     });
-    [bound, map, gutter].into_iter().flatten().map(|what| format!("surface `{}`: {what}", claim.name)).collect()
+    let holes = measured.holes.first.map(|(x, y)| {
+        format!("{} texels of holes, ({x}, {y}) the first, do not hold the samples that should fill them", measured.holes.count)
+    });
+    [bound, map, gutter, holes].into_iter().flatten().map(|what| format!("surface `{}`: {what}", claim.name)).collect()
 }
 
 /// The largest error that a rule allows, where it bounds errors.
@@ -180,7 +223,10 @@ fn bound(rule: Rule) -> Option<u8> {
 fn report(package: &Package, surface: usize, measured: &Measured, coded: &Coded, files: &[FileRecord]) -> SurfaceReport {
     let own: Vec<String> = files::required(package, &package.scene.surfaces[surface]).collect();
     let (colours, colour_bits) = coded.colour_map();
-    let samples = package.plan.surfaces[surface].covered * u64::from(package.plan.settings.directions.len());
+    let claims = &package.manifest.surfaces[surface].holes;
+    let layout = &package.plan.surfaces[surface];
+    let lost: u64 = claims.iter().filter_map(|hole| layout.tiles.get(hole.tile as usize)).map(|tile| u64::from(tile.covered)).sum();
+    let samples = layout.covered.saturating_sub(lost) * u64::from(package.plan.settings.directions.len());
     // Without raw radiance there is nothing to compare with; `compare` then takes the manifest's word.
     let unmeasured = package.plan.settings.raw.is_none();
     let errors = if unmeasured { vec![(0, samples)] } else { measured.errors.counts().collect() };
@@ -192,6 +238,8 @@ fn report(package: &Package, surface: usize, measured: &Measured, coded: &Coded,
         errors: errors.into_iter().filter(|(_, n)| *n > 0).collect(),
         error_sum: measured.errors.sum(),
         files: files.iter().filter(|f| own.contains(&f.path)).cloned().collect(),
+        // Which tiles are holes and why nothing else can tell; where they lie follows from the plan.
+        holes: claims.iter().map(|hole| Hole { tile: hole.tile as usize, reason: hole.reason.clone() }).collect(),
     }
 }
 

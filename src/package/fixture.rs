@@ -1,7 +1,7 @@
 //! A small package made the way a farm makes one, with light that is a formula: a wall that fills part of its texture, so that it has
 //! gutters and empty cells, and a lamp.
 
-use kiln_coordinator::assemble::{SourceError, assemble_surface, write_manifest};
+use kiln_coordinator::assemble::{Hole, Holes, SourceError, assemble_around, assemble_surface, write_manifest};
 use kiln_proto::{
     format::PackageHash,
     frame::FrameRule,
@@ -82,6 +82,11 @@ fn light(plan: &Plan, raster: &SurfaceRaster, rows: &[Row]) -> Vec<f32> {
 
 /// Bakes the package into `dir`.
 pub(crate) fn bake(dir: &Path, settings: kiln_proto::settings::BakeSettings) -> PackageHash {
+    bake_around(dir, settings, [&[], &[]])
+}
+
+/// Bakes the package without these tiles of the wall and of the lamp.
+pub(crate) fn bake_around(dir: &Path, settings: kiln_proto::settings::BakeSettings, holes: [&[usize]; 2]) -> PackageHash {
     let scene = scene();
     let scene_bytes = scene.to_bytes().unwrap();
     let fixed = settings.walk.fixed();
@@ -102,7 +107,12 @@ pub(crate) fn bake(dir: &Path, settings: kiln_proto::settings::BakeSettings) -> 
                 let rows = raster.tile(plan.surfaces[surface].tiles[index].cell);
                 Ok(encode_tile(&plan, tile, &rows, &light(&plan, &raster, &rows))?)
             };
-            assemble_surface(&plan, surface, &scene.surfaces[surface].file_stem, &mut source, dir).unwrap()
+            let stem = &scene.surfaces[surface].file_stem;
+            if holes[surface].is_empty() {
+                return assemble_surface(&plan, surface, stem, &mut source, dir).unwrap();
+            }
+            let list = holes[surface].iter().map(|tile| Hole { tile: *tile, reason: "failed 3 times on 2 workers".into() }).collect();
+            assemble_around(&Holes::new(&scene, &plan, surface, list).unwrap(), stem, &mut source, dir).unwrap()
         })
         .collect();
     write_manifest(dir, &scene_bytes, &plan, &reports).unwrap().hash

@@ -4,16 +4,18 @@
 //! of cells) is decoded, spilled to an unnamed scratch file where it is wide, and replayed row by row. Colours go to a second scratch file
 //! while a bitmap notes which occur; when all are known, each becomes its rank in the sorted colour map. Every segment is read once.
 //!
-//! Memory, at any job size: one segment, [`SPOOL_BYTES`] of spill, 3 MiB of colour map, a few buffers. The alternative, a first pass over
+//! Memory, at any job size: one segment (two beside a hole), [`SPOOL_BYTES`] of spill, 3 MiB of colour map, a few buffers. The alternative, a first pass over
 //! all segments for the colour map and a second for the files, needs no colour scratch file and fetches and decodes everything twice.
 //!
 //! Synchronous and file-only: the engine calls it where blocking is allowed and brings the segments through [`SegmentSource`].
 
 mod band;
+mod holes;
 mod output;
 mod package;
 mod palette;
 
+pub use holes::{Hole, Holes, Patch};
 pub use package::{Published, describe, write_manifest};
 
 use band::Band;
@@ -42,7 +44,8 @@ pub type SourceError = Box<dyn std::error::Error + Send + Sync>;
 
 /// Where the segments of one surface come from. May block.
 pub trait SegmentSource {
-    /// The bytes, decompressed, of the segment of the surface's `index`-th planned tile. Each is asked for once, band by band.
+    /// The bytes, decompressed, of the segment of the surface's `index`-th planned tile. Each is asked for once, band by band; of a hole
+    /// none is, but those around it are asked for again.
     ///
     /// # Errors
     /// Whatever keeps the source from giving it.
@@ -73,6 +76,9 @@ pub struct SurfaceReport {
     pub error_sum: u64,
     /// The files that were written, in byte order of their paths.
     pub files: Vec<FileRecord>,
+    /// Tiles that nobody could bake, in order; their samples have no errors above.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub holes: Vec<Hole>,
 }
 
 /// Why a surface or a package cannot be assembled.
@@ -135,18 +141,44 @@ pub fn assemble_surface(
     source: &mut dyn SegmentSource,
     dir: &Path,
 ) -> Result<SurfaceReport, AssembleError> {
+    assemble(plan, surface, stem, None, source, dir)
+}
+
+/// Assembles a surface without the tiles that nobody could bake, filling their places; otherwise like [`assemble_surface`].
+///
+/// # Errors
+/// As [`assemble_surface`].
+pub fn assemble_around(holes: &Holes<'_>, stem: &str, source: &mut dyn SegmentSource, dir: &Path) -> Result<SurfaceReport, AssembleError> {
+    let report = assemble(holes.plan, holes.surface, stem, Some(holes), source, dir)?;
+    Ok(SurfaceReport { holes: holes.list.clone(), ..report })
+}
+
+fn assemble(
+    plan: &Plan,
+    surface: usize,
+    stem: &str,
+    holes: Option<&Holes<'_>>,
+    source: &mut dyn SegmentSource,
+    dir: &Path,
+) -> Result<SurfaceReport, AssembleError> {
     let layout = plan.surfaces.get(surface).ok_or_else(|| AssembleError::Mismatch { reason: format!("there is no surface {surface}") })?;
     let folder = dir.join("surfaces");
     std::fs::create_dir_all(&folder).map_err(|source| AssembleError::Io { path: folder.clone(), source })?;
     let mut streams = Streams::create(dir, stem, plan, layout)?;
     let mut errors = ErrorStats::default();
     let first = plan.first_tile(surface).0;
+    let mut read = |index: usize| {
+        let tile = TileIndex(first + index as u64);
+        let bytes = source.tile(index).map_err(|source| AssembleError::Source { tile, source })?;
+        open(&bytes, plan, tile)
+    };
     for cells in bands(layout) {
         let mut band = Band::new(&folder, layout.size.width)?;
         for index in cells {
-            let tile = TileIndex(first + index as u64);
-            let bytes = source.tile(index).map_err(|source| AssembleError::Source { tile, source })?;
-            let segment = open(&bytes, plan, tile)?;
+            let segment = match holes.filter(|holes| holes.contains(index)) {
+                Some(holes) => holes.segment(index, &mut read)?,
+                None => read(index)?,
+            };
             errors.add(&segment.errors);
             streams.raw(&segment)?;
             band.add(&segment)?;
@@ -258,6 +290,7 @@ impl<'a> Streams<'a> {
             errors: errors.counts().collect(),
             error_sum: errors.sum(),
             files,
+            holes: vec![],
         })
     }
 }

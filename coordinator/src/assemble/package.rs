@@ -1,7 +1,7 @@
 //! The files that make a package of its surfaces: `scene.kiln`, and last of all `manifest.json`.
 
 use super::{
-    AssembleError, SurfaceReport,
+    AssembleError, Hole, SurfaceReport,
     output::{BINARY, io_fault},
 };
 use kiln_proto::{
@@ -9,13 +9,14 @@ use kiln_proto::{
     format::{
         FileRecord, Kind, Manifest, PackageHash, Sha256Hex, container,
         manifest::{
-            self, Bounds, Encoding, ErrorSummary, ExposureRecord, MaterialRecord, PartRecord, ReflectionRecord, SCHEMA_VERSION,
+            self, Bounds, Encoding, ErrorSummary, ExposureRecord, HoleRecord, MaterialRecord, PartRecord, ReflectionRecord, SCHEMA_VERSION,
             SurfaceRecord, Totals, Units,
         },
         package_hash,
     },
-    plan::{PhaseResults, Plan},
+    plan::{PhaseResults, Plan, SurfacePlan},
     scene::{Lobe, Material, Part, Reflection, Scene},
+    tile::TILE_SIDE,
 };
 use sha2::{Digest as _, Sha256};
 use std::{fs, path::Path};
@@ -112,12 +113,31 @@ fn surface(scene: &Scene, plan: &Plan, probe: &PhaseResults, report: &SurfaceRep
         rule: plan.settings.rule,
         walk: probe.walks[report.surface],
         encoding: encoding(plan, report)?,
+        holes: report.holes.iter().map(|h| hole(layout, h)).collect::<Result<_, _>>()?,
+    })
+}
+
+fn hole(layout: &SurfacePlan, hole: &Hole) -> Result<HoleRecord, AssembleError> {
+    let planned = layout.tiles.get(hole.tile).ok_or_else(|| mismatch(format!("a hole is tile {} of {}", hole.tile, layout.tiles.len())))?;
+    let (x, y) = (u32::from(planned.cell.x) * TILE_SIDE, u32::from(planned.cell.y) * TILE_SIDE);
+    let side = |of: u32, at: u32| of.saturating_sub(at).min(TILE_SIDE);
+    Ok(HoleRecord {
+        tile: hole.tile as u32, // surfaces have at most 65,536 tiles
+        x,
+        y,
+        width: side(layout.size.width, x),
+        height: side(layout.size.height, y),
+        covered: planned.covered.into(),
+        reason: hole.reason.clone(),
     })
 }
 
 fn encoding(plan: &Plan, report: &SurfaceReport) -> Result<Encoding, AssembleError> {
-    let samples = plan.surfaces[report.surface].covered * u64::from(plan.settings.directions.len());
-    let errors = ErrorStats::from_parts(&report.errors, report.error_sum, samples)
+    let layout = &plan.surfaces[report.surface];
+    let samples = layout.covered * u64::from(plan.settings.directions.len());
+    let lost: u64 = report.holes.iter().filter_map(|h| layout.tiles.get(h.tile)).map(|t| u64::from(t.covered)).sum();
+    let measured = layout.covered.saturating_sub(lost) * u64::from(plan.settings.directions.len());
+    let errors = ErrorStats::from_parts(&report.errors, report.error_sum, measured)
         .map_err(|e| mismatch(format!("the report of surface {}: {e}", report.surface)))?;
     let raw_path = format!(".{}", Kind::Mtex.extension());
     let coded_bytes = report.files.iter().filter(|f| !f.path.ends_with(&raw_path)).map(|f| f.bytes).sum();

@@ -7,6 +7,7 @@
 use super::{
     EngineError,
     core::{Core, blocking},
+    ports::Listed,
     report,
     segments::StoredSegments,
     tasks::{failed, files_below, job, plan, scene_of, scratch},
@@ -14,12 +15,12 @@ use super::{
 use crate::{
     assemble::reading_order,
     blob::{BlobError, BlobName},
-    records::PackageFile,
+    records::{PackageFile, Problem},
     store::{StoredPackageFile, TaskResult},
 };
 use kiln_proto::{
     ids::{Digest, JobId},
-    tile::TileIndex,
+    tile::{TileIndex, TileRun},
     wire::message::Phase,
 };
 use sha2::Digest as _;
@@ -40,18 +41,26 @@ pub(super) async fn assemble(core: &Arc<Core>, id: JobId, surface: u32) -> Resul
     let (_, scene) = scene_of(core, &row).await?;
     let index = surface as usize;
     let layout = plan.surfaces.get(index).ok_or_else(|| EngineError::Broken(format!("the plan has no surface {surface}")))?;
-    let start = plan.first_tile(index).0;
-    let order = reading_order(layout).into_iter().map(|index| TileIndex(start + index as u64)).collect();
+    let (start, tiles) = (plan.first_tile(index).0, layout.tiles.len());
+    // Before the chunks: what is delivered in between is listed as a hole and treated as one.
+    let holes = core.store.holes(id, Phase::Bake, TileRun { start, end: start + tiles as u64 }).await?;
+    let order = reading_order(layout).into_iter().map(|index| TileIndex(start + index as u64));
+    let order = order.filter(|tile| !holes.contains_key(tile)).collect();
     let segments = match StoredSegments::open(core, id, Phase::Bake, order).await? {
         Ok(segments) => segments,
         Err(gone) => return Ok(TaskResult::Lost(Phase::Bake, gone)),
     };
     let (scratch, pipeline) = (scratch(core)?, Arc::clone(&core.pipeline));
     let dir = scratch.path().to_owned();
-    let report = match blocking(move || pipeline.assemble(&plan, &scene, index, &segments, &dir)).await? {
+    let bare = (holes.len() == tiles && tiles > 0).then(|| scene.surfaces.get(index).map(|s| s.name.clone())).flatten();
+    let report = match blocking(move || pipeline.assemble(&plan, &scene, index, &holes, &segments, &dir)).await? {
         Ok(report) => report,
         Err(error) => return failed(error, Phase::Bake),
     };
+    if let Some(name) = bare {
+        let message = format!("none of the {tiles} tiles of surface `{name}` could be baked; it is black in the package");
+        core.store.add_problem(id, &Problem::new(message), core.now()).await?;
+    }
     let files = take_in(core, scratch.path()).await?;
     Ok(TaskResult::Assembled { surface, report, files })
 }
@@ -61,12 +70,13 @@ pub(super) async fn publish(core: &Arc<Core>, id: JobId) -> Result<TaskResult, E
     let (_, plan) = plan(core, &row).await?;
     let (_, scene) = scene_of(core, &row).await?;
     let surfaces = core.store.surface_reports(id).await?;
+    let holes = surfaces.iter().map(|entry| Listed::of(entry).len() as u64).sum();
     let (scratch, pipeline) = (scratch(core)?, Arc::clone(&core.pipeline));
     let dir = scratch.path().to_owned();
     if let Err(error) = blocking(move || pipeline.manifest(&plan, &scene, &surfaces, &dir)).await? {
         return failed(error, Phase::Bake);
     }
-    let report = report::report(core, &row).await?;
+    let report = report::report(core, &row, holes).await?;
     let unwritten = |source| EngineError::Blob(BlobError::write("report.json", source));
     tokio::fs::write(scratch.path().join("report.json"), report).await.map_err(unwritten)?;
     Ok(TaskResult::Published(take_in(core, scratch.path()).await?))

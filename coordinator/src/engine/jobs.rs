@@ -3,7 +3,7 @@
 use super::{Engine, EngineError, Estimate, EventPage, JobFilter, JobPage, core::blocking, progress, space};
 use crate::{
     auth::Principal,
-    job::{Event, OnPoison},
+    job::Event,
     records::{JobChange, JobRecord, NewJob, Problem, SceneState},
     store::{JobSpec, SceneRow},
 };
@@ -52,7 +52,7 @@ impl Engine {
             priority: new.priority,
             labels: new.labels,
             bake_version: BAKE_VERSION,
-            on_poison: OnPoison::Fail,
+            on_poison: new.on_poison,
             owner: by.owner(),
             verify: new.verify.unwrap_or(self.core.config.verify),
             secret: Token::random().to_string(),

@@ -4,7 +4,7 @@
 //! blocking is allowed.
 
 use crate::{
-    assemble::{self, AssembleError, SourceError, SurfaceReport},
+    assemble::{self, AssembleError, Hole, Holes, SourceError, SurfaceReport},
     blob::BlobError,
     import::{self, Bundle, Content, Imported, Part},
     records::Problem,
@@ -22,7 +22,9 @@ use kiln_proto::{
     tile::TileIndex,
     wire::message::Phase,
 };
+use serde::Deserialize;
 use std::{
+    collections::BTreeMap,
     io,
     path::{Path, PathBuf},
 };
@@ -118,7 +120,8 @@ pub trait Pipeline: Send + Sync + 'static {
         }
     }
 
-    /// Writes the files of one surface under `dir`, with paths as in the package, and answers with its entry of the manifest.
+    /// Writes the files of one surface under `dir`, with paths as in the package, and answers with its entry of the manifest. `holes` are its
+    /// tiles that nobody could bake, each with how it failed: they have no segments, and the entry has them as `holes` (see [`Listed`]).
     ///
     /// # Errors
     /// Segments that are lost or cannot be used, a disk that is full or fails.
@@ -127,13 +130,20 @@ pub trait Pipeline: Send + Sync + 'static {
         plan: &Plan,
         scene: &Scene,
         surface: usize,
+        holes: &BTreeMap<TileIndex, String>,
         segments: &dyn Segments,
         dir: &Path,
     ) -> Result<serde_json::Value, PipelineError> {
         let first = plan.first_tile(surface).0;
         let stem = &scene.surfaces.get(surface).ok_or_else(|| Problem::new(format!("the scene has no surface {surface}")))?.file_stem;
         let mut source = |index: usize| segments.segment(TileIndex(first + index as u64)).map_err(SourceError::from);
-        let report = assemble::assemble_surface(plan, surface, stem, &mut source, dir)?;
+        let report = if holes.is_empty() {
+            assemble::assemble_surface(plan, surface, stem, &mut source, dir)?
+        } else {
+            let hole = |(tile, reason): (&TileIndex, &String)| Hole { tile: tile.0.saturating_sub(first) as usize, reason: reason.clone() };
+            let holes = Holes::new(scene, plan, surface, holes.iter().map(hole).collect())?;
+            assemble::assemble_around(&holes, stem, &mut source, dir)?
+        };
         Ok(serde_json::to_value(report).map_err(|e| problem(&e))?)
     }
 
@@ -147,6 +157,21 @@ pub trait Pipeline: Send + Sync + 'static {
         let bytes = scene.to_bytes().map_err(|e| problem(&e))?;
         assemble::write_manifest(dir, &bytes, plan, &reports)?;
         Ok(())
+    }
+}
+
+/// What every entry of the manifest says that [`Pipeline::assemble`] answers with, whatever else is in it.
+#[derive(Debug, Default, Deserialize)]
+pub(super) struct Listed {
+    /// The surface's holes, in order.
+    #[serde(default)]
+    pub(super) holes: Vec<Hole>,
+}
+
+impl Listed {
+    /// The holes that an entry lists.
+    pub(super) fn of(entry: &serde_json::Value) -> Vec<Hole> {
+        Self::deserialize(entry).unwrap_or_default().holes
     }
 }
 

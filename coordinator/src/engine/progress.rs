@@ -106,6 +106,11 @@ fn record(core: &Core, moment: &Moment, row: JobRow) -> JobRecord {
         _ => None,
     };
     let entered = |wanted: JobState| row.marks.iter().find(|(state, ..)| *state == wanted).map(|(.., at)| *at);
+    // Whatever was not delivered when the last tile was, nobody will deliver.
+    let holes = match row.state {
+        Job::Assembling { .. } | Job::Done => row.tiles.0.saturating_sub(row.tiles.1),
+        _ => 0,
+    };
     JobRecord {
         id: row.spec.id,
         scene: row.scene_hash,
@@ -130,6 +135,8 @@ fn record(core: &Core, moment: &Moment, row: JobRow) -> JobRecord {
         finished_ms: row.marks.last().filter(|(state, ..)| state.is_final()).map(|(.., at)| *at),
         settings: row.spec.settings,
         labels: row.spec.labels,
+        on_poison: row.spec.on_poison,
+        holes,
         owner: row.spec.owner,
     }
 }

@@ -18,6 +18,8 @@ struct Report {
     /// How long each state lasted, seconds, in order.
     states: Vec<Span>,
     rays: u64,
+    /// Tiles that the package does without; its manifest lists them.
+    holes: u64,
     /// Processor seconds of all workers, by their word.
     core_seconds: f64,
     /// Largest resident memory of any worker, bytes, by their word.
@@ -36,7 +38,7 @@ struct Span {
 }
 
 /// The report of a job that is about to be published.
-pub(super) async fn report(core: &Core, row: &JobRow) -> Result<Vec<u8>, EngineError> {
+pub(super) async fn report(core: &Core, row: &JobRow, holes: u64) -> Result<Vec<u8>, EngineError> {
     let workers = core.store.contributions(row.spec.id).await?;
     let now = core.now();
     let report = Report {
@@ -46,6 +48,7 @@ pub(super) async fn report(core: &Core, row: &JobRow) -> Result<Vec<u8>, EngineE
         published_ms: now,
         states: spans(&row.marks, now),
         rays: row.rays,
+        holes,
         core_seconds: workers.iter().map(|w| w.core_seconds).sum(),
         worker_peak_rss_bytes: workers.iter().map(|w| w.peak_rss_bytes).max().unwrap_or(0),
         coordinator_peak_rss_bytes: peak_rss(),

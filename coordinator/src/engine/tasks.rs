@@ -18,7 +18,7 @@ use kiln_proto::{
     plan::Plan,
     probe::ProbeSums,
     scene::Scene,
-    tile::TileIndex,
+    tile::{TileIndex, TileRun},
     wire::message::Phase,
 };
 use std::{
@@ -106,19 +106,25 @@ pub(super) async fn prepare(core: &Arc<Core>, id: JobId) -> Result<TaskResult, E
     Ok(TaskResult::Prepared { plan, tiles, cost, surfaces: surfaces as u32, texels, warnings })
 }
 
-/// The barrier behind Probe: integer sums of all segments become exposure and walks, and so a new plan.
+/// The barrier behind Probe: integer sums of all segments that there are become exposure and walks, and so a new plan.
 pub(super) async fn merge(core: &Arc<Core>, id: JobId, phase: Phase) -> Result<TaskResult, EngineError> {
     let row = job(core, id).await?;
     let (_, plan) = plan(core, &row).await?;
     let tiles = plan.tile_count(phase);
-    let segments = match StoredSegments::open(core, id, phase, (0..tiles).map(TileIndex).collect()).await? {
+    let holes = core.store.holes(id, phase, TileRun { start: 0, end: tiles }).await?;
+    let there: Vec<TileIndex> = (0..tiles).map(TileIndex).filter(|tile| !holes.contains_key(tile)).collect();
+    if let (true, Some(reason)) = (there.is_empty(), holes.values().next_back()) {
+        let message = format!("all {tiles} tiles of {phase} were given up, so that there is nothing to go by; the last one {reason}");
+        return Ok(TaskResult::Failed(Problem::new(message)));
+    }
+    let segments = match StoredSegments::open(core, id, phase, there.clone()).await? {
         Ok(segments) => segments,
         Err(gone) => return Ok(TaskResult::Lost(phase, gone)),
     };
     let pipeline = Arc::clone(&core.pipeline);
     let merged = blocking(move || {
         let mut sums = ProbeSums::new(plan.surfaces.len());
-        for tile in (0..tiles).map(TileIndex) {
+        for tile in there {
             sums.add(&pipeline.probe(&segments.segment(tile)?, &plan, tile)?);
         }
         let probe = sums.results(plan.settings.exposure, plan.settings.walk);

@@ -14,6 +14,7 @@ use super::{
 };
 use crate::{
     auth::audit::Action,
+    job::OnPoison,
     records::{JobRecord, NewJob, SceneRecord},
 };
 use axum::{
@@ -43,6 +44,10 @@ upload_query! {
         verify: Option<f64>,
         /// Whom to tell when the job is done, has failed or was cancelled: an address that the service is configured to allow.
         webhook: Option<String>,
+        /// What becomes of the job when one of its tiles is given up: it fails (`fail`, the default), or ends without the tile (`skip`).
+        #[serde(default)]
+        #[param(inline)]
+        on_poison: OnPoison,
     }
 }
 
@@ -80,7 +85,8 @@ pub(super) async fn create(
         return Err(Failure::new(Kind::InvalidRequest, "settings come both in the query and in a part; say them once").field("settings"));
     }
     let settings = given.or(part).unwrap_or_default();
-    let new = NewJob { settings, priority: query.priority, verify: query.verify, webhook: query.webhook, ..NewJob::default() };
+    let BakeQuery { priority, verify, webhook, on_poison, .. } = query;
+    let new = NewJob { settings, priority, verify, webhook, on_poison, ..NewJob::default() };
     let engine = Arc::clone(&app.engine);
     repeatable.once(&engine, &caller, upload.contents, |id| bake(app, caller, JobId(id), upload, options, new)).await
 }

@@ -3,6 +3,7 @@
 use crate::records::{JobState, Problem};
 use kiln_proto::wire::message::Phase;
 use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
 
 /// A job.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -63,7 +64,7 @@ pub struct Retry {
 }
 
 /// What becomes of a job when one of its tiles is quarantined.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum OnPoison {
     /// It fails, and can be tried again.

@@ -27,7 +27,7 @@ mod verify;
 
 pub use fair::{Claim, Ledger};
 pub use kind::Kind;
-pub use poison::{BAR_AFTER, CHARGES, Ceilings, Charges, Refuted, Suspicion, poisoned};
+pub use poison::{BAR_AFTER, CHARGES, Ceilings, Charges, Refuted, Suspicion, failures, poisoned};
 pub use policy::{Sizing, Speeds, run_length};
 pub use shard::{Accepted, SHARD_TILES, Shard, shard_of};
 pub use state::{Action, Attempt, Event, Illegal, RAYS};

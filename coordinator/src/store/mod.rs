@@ -187,6 +187,9 @@ pub trait Store: TokenStore + RequestStore + RetentionStore {
     /// Chunks with accepted tiles of a run.
     async fn chunks(&self, job: JobId, phase: Phase, run: TileRun) -> Result<Vec<ChunkRow>, StoreError>;
 
+    /// Tiles of a run that are in quarantine, and that nobody has delivered since; each with how it failed, a predicate without a full stop.
+    async fn holes(&self, job: JobId, phase: Phase, run: TileRun) -> Result<BTreeMap<TileIndex, String>, StoreError>;
+
     /// What each worker did for a job.
     async fn contributions(&self, job: JobId) -> Result<Vec<Contribution>, StoreError>;
 

@@ -7,7 +7,7 @@ mod hash;
 mod surface;
 
 pub use hash::{BadSha256, PackageHash, Sha256Hex, package_hash};
-pub use surface::{Encoding, ErrorSummary, MaterialRecord, PartRecord, ReflectionRecord, SurfaceRecord};
+pub use surface::{Encoding, ErrorSummary, HoleRecord, MaterialRecord, PartRecord, ReflectionRecord, SurfaceRecord};
 
 use crate::{ids::SceneHash, settings::BakeSettings};
 use serde::{Deserialize, Serialize};

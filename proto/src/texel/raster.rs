@@ -97,6 +97,12 @@ impl SurfaceRaster {
         Some(Texel { x, y, triangle, position: self.position(triangle, bary), frame, bary, start: triangle, near })
     }
 
+    /// The chart of the texel at (x, y), if it is covered.
+    #[must_use]
+    pub fn chart(&self, x: u32, y: u32) -> Option<u32> {
+        self.owner(x, y).map(|(triangle, _)| self.charts[triangle as usize])
+    }
+
     /// The texel of a gutter's row at its place across a seam: its square is laid out in the plane of its chart's nearest triangle and
     /// along the surface from there, its frame is the own chart's carried over. `None` where the chart ends there, which leaves the row the
     /// copy of its source that it is; likewise for covered texels and without seams.

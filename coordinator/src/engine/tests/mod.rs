@@ -4,6 +4,7 @@ mod chunks;
 mod crash;
 mod faults;
 mod flow;
+mod holes;
 mod live;
 mod lost;
 mod notices;
@@ -20,6 +21,7 @@ use crate::{
     blob::{BlobError, BlobList, BlobName, Blobs, ByteStream, LocalBlobs},
     config::Config,
     import::Imported,
+    job::OnPoison,
     records::{JobRecord, JobState, NewJob, Problem, SceneRecord, SceneState},
 };
 use bytes::Bytes;
@@ -42,6 +44,7 @@ use kiln_proto::{
     },
 };
 use std::{
+    collections::BTreeMap,
     io::Write,
     ops::Range,
     path::{Path, PathBuf},
@@ -115,15 +118,21 @@ impl Pipeline for Toy {
         plan: &Plan,
         scene: &Scene,
         surface: usize,
+        holes: &BTreeMap<TileIndex, String>,
         segments: &dyn Segments,
         dir: &Path,
     ) -> Result<serde_json::Value, PipelineError> {
         let first = plan.first_tile(surface).0;
         let tiles = first..first + plan.surfaces[surface].tiles.len() as u64;
-        let bytes = tiles.map(|t| segments.segment(TileIndex(t))).collect::<Result<Vec<_>, _>>()?.concat();
+        let bytes = tiles
+            .filter(|t| !holes.contains_key(&TileIndex(*t)))
+            .map(|t| segments.segment(TileIndex(t)))
+            .collect::<Result<Vec<_>, _>>()?
+            .concat();
         std::fs::create_dir_all(dir.join("surfaces")).unwrap();
         std::fs::write(dir.join(format!("surfaces/{}.toy", scene.surfaces[surface].name)), bytes).unwrap();
-        Ok(serde_json::json!({ "surface": surface }))
+        let holes: Vec<_> = holes.iter().map(|(t, reason)| serde_json::json!({ "tile": t.0 - first, "reason": reason })).collect();
+        Ok(serde_json::json!({ "surface": surface, "holes": holes }))
     }
     fn manifest(&self, plan: &Plan, _: &Scene, surfaces: &[serde_json::Value], dir: &Path) -> Result<(), PipelineError> {
         let exposure = plan.probe.as_ref().unwrap().exposure.eighths;

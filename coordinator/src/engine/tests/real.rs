@@ -129,3 +129,37 @@ async fn real_segments_become_a_real_package() {
     }
     assert_eq!(listed.len() + 2, files.len());
 }
+
+/// The third tile of the floor fails for ever: it is grey all the same, and listed.
+#[tokio::test(flavor = "multi_thread")]
+async fn a_real_package_with_a_hole_is_grey_all_over() {
+    let rig = Rig::new();
+    let engine = Engine::open(rig.config()).await.unwrap();
+    let scene = ready_scene(&engine).await;
+    let settings = SettingsPatch { directions: Some("2x2".parse().unwrap()), texels_per_metre: Some(12.0), ..SettingsPatch::default() };
+    let new = NewJob { settings, on_poison: OnPoison::Skip, ..new_job(&scene) };
+    let job = engine.create_job(new, &Principal::Local).await.unwrap().id;
+    let worker = Worker::join(&engine, "grey").await;
+    while !engine.job(job).await.unwrap().state.is_final() {
+        let Some(grant) = worker.lease_within(20).await else { continue };
+        if grant.phase == Phase::Bake && (grant.tiles.start..grant.tiles.end).contains(&2) {
+            engine.release(grant.token, &Finish { failure: Some("no memory".into()), ..finish() }).await.unwrap();
+            continue;
+        }
+        let studio = Studio::new(&engine, &grant).await;
+        let segments: Vec<_> = (grant.tiles.start..grant.tiles.end).map(|t| (t, studio.segment(grant.phase, t))).collect();
+        worker.put(grant.token, 0, &pack(&segments)).await.unwrap();
+        engine.complete(grant.token, &finish()).await.unwrap();
+    }
+    let record = engine.job(job).await.unwrap();
+    assert_eq!((record.state, record.holes), (JobState::Done, 1), "{:?}", record.problem);
+    let manifest = kiln_proto::format::Manifest::from_bytes(&engine.manifest(job).await.unwrap()).unwrap();
+    let [floor, lamp] = [0, 1].map(|surface: usize| manifest.surfaces[surface].holes.clone());
+    assert_eq!((floor.len(), floor[0].tile, lamp.len()), (1, 2, 0));
+    assert!(floor[0].covered > 0 && floor[0].reason.ends_with("the last time with: no memory"), "{floor:?}");
+    let starts = read_all(&engine, job, "surfaces/floor.mtsp").await;
+    let holds = |texel: usize| starts[32 + 4 * texel..][..4] != starts[36 + 4 * texel..][..4];
+    let width = manifest.surfaces[0].size.width;
+    assert!(holds((floor[0].y * width + floor[0].x) as usize + 5 * width as usize + 5), "a texel of the hole");
+    assert_eq!(read_all(&engine, job, "surfaces/floor.mtm").await[32..], [90; 3], "one colour, and no black");
+}

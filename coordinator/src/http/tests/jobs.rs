@@ -89,6 +89,27 @@ async fn a_scene_is_uploaded_found_and_estimated() {
 }
 
 #[tokio::test]
+async fn what_becomes_of_a_job_with_a_bad_tile_is_said_with_it() {
+    let bench = Bench::new().await;
+    let upload = |query: &str| {
+        let request = Request::post(format!("/v1/bakes?name=room.obj{query}"));
+        bench.send(request.body(Body::from(OBJ)).unwrap())
+    };
+    let plain = upload("").await.json();
+    assert_eq!(plain["job"]["on_poison"], "fail");
+    assert_eq!(plain["job"]["holes"], serde_json::Value::Null, "nothing is said of holes where there are none");
+    assert_eq!(upload("&on_poison=skip").await.json()["job"]["on_poison"], "skip");
+    let (status, _, detail) = upload("&on_poison=ignore").await.problem();
+    assert_eq!(status, 400, "{detail}");
+    let scene = &plain["scene"]["id"];
+    let job = bench.post_json("/v1/jobs", &format!(r#"{{"scene": {scene}, "on_poison": "skip"}}"#)).await.json();
+    assert_eq!(bench.get(&format!("/v1/jobs/{}", job["id"].as_str().unwrap())).await.json()["on_poison"], "skip");
+    let (status, kind, detail) = bench.post_json("/v1/jobs", &format!(r#"{{"scene": {scene}, "on_poison": "ignore"}}"#)).await.problem();
+    assert_eq!((status, kind.as_str()), (422, "wrong-shape"));
+    assert!(detail.contains("`fail` or `skip`"), "{detail}");
+}
+
+#[tokio::test]
 async fn a_scene_that_cannot_be_read_names_file_and_line() {
     let bench = Bench::new().await;
     let broken = parts(&[("scene", Some("room.obj"), &format!("{OBJ}f 1 2 99\n"))]);

@@ -27,7 +27,7 @@ use kiln_proto::{
         },
     },
 };
-use std::{io::Read, path::PathBuf};
+use std::{collections::BTreeMap, io::Read, path::PathBuf};
 
 /// Real import and plan; a package of the segments one after another.
 struct Names;
@@ -55,7 +55,15 @@ impl Pipeline for Names {
         sums.count(0.25);
         Ok(sums)
     }
-    fn assemble(&self, plan: &Plan, _: &Scene, surface: usize, segments: &dyn Segments, dir: &Path) -> Result<Value, PipelineError> {
+    fn assemble(
+        &self,
+        plan: &Plan,
+        _: &Scene,
+        surface: usize,
+        _: &BTreeMap<TileIndex, String>,
+        segments: &dyn Segments,
+        dir: &Path,
+    ) -> Result<Value, PipelineError> {
         let first = plan.first_tile(surface).0;
         let tiles = first..first + plan.surfaces[surface].tiles.len() as u64;
         let bytes = tiles.map(|tile| segments.segment(TileIndex(tile))).collect::<Result<Vec<_>, _>>()?.concat();

@@ -16,25 +16,46 @@ pub const CHARGES: u64 = 3;
 /// Workers that must have failed a tile before it is blamed, where as many are connected.
 const WORKERS: usize = 2;
 
-/// Failures of single-tile leases: by tile, by worker. As text: `17:WORKER*2+WORKER*1,18:WORKER*1`.
+/// Characters of an error that are kept: a shard is written whole with every change.
+const ERROR_CHARS: usize = 300;
+
+/// Failures of single-tile leases: by tile, by worker; and where a tile was quarantined for them, what it failed with last. As text:
+/// `17:WORKER*2+WORKER*1!ERROR,18:WORKER*1`, with `%25` and `%2C` for the percent signs and commas of an error.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub struct Charges(BTreeMap<TileIndex, BTreeMap<WorkerId, u64>>);
+pub struct Charges {
+    by: BTreeMap<TileIndex, BTreeMap<WorkerId, u64>>,
+    errors: BTreeMap<TileIndex, String>,
+}
 
 impl Charges {
     /// Charges a tile with a failure of a worker.
     pub fn charge(&mut self, tile: TileIndex, worker: WorkerId) {
-        *self.0.entry(tile).or_default().entry(worker).or_default() += 1;
+        *self.by.entry(tile).or_default().entry(worker).or_default() += 1;
+    }
+
+    /// Notes what a charged tile failed with last, in one line and not without end.
+    pub fn explain(&mut self, tile: TileIndex, error: &str) {
+        let line = error.chars().take(ERROR_CHARS).map(|c| if c.is_control() { ' ' } else { c });
+        if self.by.contains_key(&tile) {
+            self.errors.insert(tile, line.collect());
+        }
+    }
+
+    /// What a tile failed with last, where that was noted.
+    #[must_use]
+    pub fn error(&self, tile: TileIndex) -> Option<&str> {
+        self.errors.get(&tile).map(String::as_str)
     }
 
     /// The charges of a tile.
     #[must_use]
     pub fn of(&self, tile: TileIndex) -> u64 {
-        self.0.get(&tile).map_or(0, |by| by.values().sum())
+        self.by.get(&tile).map_or(0, |by| by.values().sum())
     }
 
     /// The workers that failed a tile.
     pub fn workers(&self, tile: TileIndex) -> impl Iterator<Item = WorkerId> + '_ {
-        self.0.get(&tile).into_iter().flat_map(|by| by.keys().copied())
+        self.by.get(&tile).into_iter().flat_map(|by| by.keys().copied())
     }
 
     /// Whether a tile is to be quarantined: enough charges by enough of the `connected` workers.
@@ -49,21 +70,25 @@ impl Charges {
     #[must_use]
     pub fn avoided(&self, worker: WorkerId, connected: u64) -> TileRuns {
         let alone = |by: &BTreeMap<WorkerId, u64>| by.len() < WORKERS && by.contains_key(&worker);
-        self.0.iter().filter(|(_, by)| connected >= WORKERS as u64 && alone(by)).map(|(tile, _)| *tile).collect()
+        self.by.iter().filter(|(_, by)| connected >= WORKERS as u64 && alone(by)).map(|(tile, _)| *tile).collect()
     }
 
     /// Forgets the charges of a tile that is done, or gets a fresh start.
     pub fn forget(&mut self, tile: TileIndex) {
-        self.0.remove(&tile);
+        self.by.remove(&tile);
+        self.errors.remove(&tile);
     }
 }
 
 impl fmt::Display for Charges {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        for (n, (tile, by)) in self.0.iter().enumerate() {
+        for (n, (tile, by)) in self.by.iter().enumerate() {
             write!(f, "{}{tile}:", if n == 0 { "" } else { "," })?;
             for (k, (worker, times)) in by.iter().enumerate() {
                 write!(f, "{}{worker}*{times}", if k == 0 { "" } else { "+" })?;
+            }
+            if let Some(error) = self.error(*tile) {
+                write!(f, "!{}", error.replace('%', "%25").replace(',', "%2C"))?;
             }
         }
         Ok(())
@@ -77,13 +102,15 @@ impl FromStr for Charges {
         let bad = || BadText::new("tiles with the workers that failed each, like `17:WORKER*2+WORKER*1`", text);
         let mut charges = Self::default();
         for part in parts(text, ',') {
+            let (part, error) = part.split_once('!').map_or((part, None), |(part, error)| (part, Some(error)));
             let (tile, by) = part.split_once(':').ok_or_else(bad)?;
             let tile = TileIndex(number(tile).ok_or_else(bad)?);
+            charges.errors.extend(error.map(|error| (tile, error.replace("%2C", ",").replace("%25", "%"))));
             for one in by.split('+') {
                 let (worker, times) = one.split_once('*').ok_or_else(bad)?;
                 let worker: WorkerId = worker.parse().map_err(|_| bad())?;
                 let times = number(times).filter(|n| *n > 0).ok_or_else(bad)?;
-                charges.0.entry(tile).or_default().insert(worker, times);
+                charges.by.entry(tile).or_default().insert(worker, times);
             }
         }
         // Out of order or twice: not something this program wrote.
@@ -129,16 +156,43 @@ mod tests {
         [(17, 2), (17, 1), (17, 2), (18, 1)].into_iter().for_each(|(t, w)| charges.charge(TileIndex(t), worker(w)));
         let [one, two] = [worker(1), worker(2)];
         assert_eq!(charges.to_string(), format!("17:{one}*1+{two}*2,18:{one}*1"));
-        for bad in ["17", "17:", "17:x*1", &format!("17:{one}"), &format!("17:{one}*0"), &format!("18:{one}*1,17:{one}*1")] {
+        charges.explain(TileIndex(17), "50 %, or 60 %2C!\n(at least)");
+        charges.explain(TileIndex(99), "it was never charged");
+        assert_eq!(charges.to_string(), format!("17:{one}*1+{two}*2!50 %25%2C or 60 %252C! (at least),18:{one}*1"));
+        let bad = [
+            "17",
+            "17:",
+            "17:x*1",
+            &format!("17:{one}"),
+            &format!("17:{one}*0"),
+            &format!("18:{one}*1,17:{one}*1"),
+            &format!("17:{one}*1!50 %"),
+        ];
+        for bad in bad {
             assert!(bad.parse::<Charges>().is_err(), "{bad}");
         }
     }
 
+    #[test]
+    fn what_is_kept_of_an_error_is_bounded_and_forgotten_with_its_tile() {
+        let mut charges = Charges::default();
+        charges.charge(TileIndex(7), worker(1));
+        charges.explain(TileIndex(7), &"x".repeat(10_000));
+        assert_eq!(charges.error(TileIndex(7)).map(str::len), Some(ERROR_CHARS));
+        charges.forget(TileIndex(7));
+        assert_eq!(charges, Charges::default());
+    }
+
     proptest! {
         #[test]
-        fn charges_survive_their_text(list in prop::collection::vec((0u64..9, 0u128..4), 0..30)) {
+        fn charges_survive_their_text(list in prop::collection::vec((0u64..9, 0u128..4, "[%,!:25C+* ]{0,6}"), 0..30)) {
             let mut charges = Charges::default();
-            list.into_iter().for_each(|(t, w)| charges.charge(TileIndex(t), worker(w)));
+            for (t, w, error) in list {
+                charges.charge(TileIndex(t), worker(w));
+                if t % 2 == 0 {
+                    charges.explain(TileIndex(t), &error);
+                }
+            }
             prop_assert_eq!(charges.to_string().parse::<Charges>().unwrap(), charges);
         }
     }

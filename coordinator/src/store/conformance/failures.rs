@@ -2,8 +2,8 @@
 
 use super::*;
 use crate::{
-    job::{Event as JobEvent, Job},
-    lease::{Attempt, BAR_AFTER, Event as LeaseEvent},
+    job::{Event as JobEvent, Job, OnPoison},
+    lease::{Attempt, BAR_AFTER, Event as LeaseEvent, SHARD_TILES},
     records::WorkerRecord,
     store::{ChunkOutcome, FinishOutcome},
 };
@@ -73,6 +73,44 @@ pub(super) async fn a_failing_tile_is_found_by_halves_and_can_be_tried_again(sto
     let row = store.job(job).await.unwrap().unwrap();
     assert_eq!(row.tiles, (8, 8));
     assert!(matches!(row.state, Job::Baking { left: 0, .. }), "{:?}", row.state);
+}
+
+pub(super) async fn a_job_that_skips_goes_on_and_lists_its_holes(store: &dyn Store) {
+    let scene = ready_scene(store).await;
+    let spec = JobSpec { on_poison: OnPoison::Skip, ..spec(scene, 0) };
+    let job = store.add_job(&spec, NOW).await.unwrap().spec.id;
+    // The second shard's tiles are named by their numbers in the phase.
+    let tiles = SHARD_TILES + 3;
+    let prepared = TaskResult::Prepared { plan: plan("one"), tiles, cost: tiles, surfaces: 1, texels: 7, warnings: vec![] };
+    perform(store, Task::Job(job, JobTask::Prepare), &prepared).await;
+    let (worker, bad) = (WorkerId::random(), [2, SHARD_TILES + 1]);
+    let every = TileRun { start: 0, end: i64::MAX as u64 };
+    let silent = Grant { run: TileRun { start: 2, end: 3 }, ..grant(job, 2, 3, NOW) };
+    assert!(granted(store, &silent, NOW).await);
+    assert_eq!(store.expire(NOW + 100).await.unwrap().attempts, 1);
+    for tile in [2, 2, SHARD_TILES + 1, SHARD_TILES + 1, SHARD_TILES + 1] {
+        assert!(!store.holes(job, Phase::Probe, every).await.unwrap().contains_key(&TileIndex(tile)));
+        let single = Grant { worker, ..grant(job, tile, tile + 1, NOW) };
+        assert!(granted(store, &single, NOW).await);
+        store.finish_attempt(single.token, LeaseEvent::Fail, Some(&failed()), NOW).await.unwrap();
+    }
+    let holes = store.holes(job, Phase::Probe, every).await.unwrap();
+    let expected = bad.map(|tile| {
+        let workers = if tile == 2 { "2 workers" } else { "the only worker" };
+        (TileIndex(tile), format!("failed 3 times on {workers}, the last time with: it ran out of memory"))
+    });
+    assert_eq!(holes, BTreeMap::from(expected));
+    let part = |start, end| store.holes(job, Phase::Probe, TileRun { start, end });
+    assert_eq!(part(2, 3).await.unwrap().len() + part(3, SHARD_TILES + 1).await.unwrap().len(), 1);
+    assert_eq!(store.holes(job, Phase::Bake, every).await.unwrap().len(), 0);
+    let Job::Baking { left, .. } = store.job(job).await.unwrap().unwrap().state else { panic!("a hole ended the job") };
+    assert_eq!(left, tiles - 2);
+    // The silent worker delivers after all: the hole is filled, and counted once.
+    assert_eq!(deliver(store, silent.token, 0, &[2]).await, 1);
+    assert_eq!(store.holes(job, Phase::Probe, every).await.unwrap().into_keys().collect::<Vec<_>>(), [TileIndex(bad[1])]);
+    assert!(matches!(store.job(job).await.unwrap().unwrap().state, Job::Baking { left, .. } if left == tiles - 2));
+    happened(store, job, JobEvent::Cancel).await;
+    assert!(store.holes(job, Phase::Probe, every).await.unwrap().is_empty());
 }
 
 pub(super) async fn a_paused_job_leases_nothing_and_counts_what_comes(store: &dyn Store) {

@@ -43,6 +43,7 @@ pub(crate) async fn all<F: Future<Output = Arc<dyn Store>>>(fresh: impl Fn() -> 
     leases::conflicts_blame_whoever_brought_the_tile(&*fresh().await).await;
     leases::the_end_of_a_job_ends_its_leases(&*fresh().await).await;
     failures::a_failing_tile_is_found_by_halves_and_can_be_tried_again(&*fresh().await).await;
+    failures::a_job_that_skips_goes_on_and_lists_its_holes(&*fresh().await).await;
     failures::a_paused_job_leases_nothing_and_counts_what_comes(&*fresh().await).await;
     failures::what_an_expired_attempt_delivers_is_no_debt_of_the_next(&*fresh().await).await;
     failures::a_worker_that_fails_what_others_manage_is_barred(&*fresh().await).await;

@@ -5,7 +5,7 @@ use super::{
         AttemptRow, Beat, Candidate, ChunkOutcome, ChunkRow, ClaimRow, Contribution, Delivery, Ending, EventPage, Expiry, Figures,
         FinishOutcome, Grant, Hints, JobFilter, JobRow, JobSpec, Lane, Late, NewChunk, SceneRow, Store, StoreError, StoredFile,
         StoredPackageFile, TaskLease, TaskResult, rows,
-        tables::{attempts, chunks, claims, events, figures, grants, jobs, late, lost, packages, scenes, shards, tasks, workers},
+        tables::{attempts, chunks, claims, events, figures, grants, jobs, late, lost, packages, poison, scenes, shards, tasks, workers},
     },
     database::{Database, writing},
     group::{Group, Together},
@@ -314,6 +314,10 @@ impl Store for SqlStore {
 
     async fn chunks(&self, job: JobId, phase: Phase, run: TileRun) -> Result<Vec<ChunkRow>, StoreError> {
         chunks::covering(&mut self.database.read().await?, job, phase, run).await
+    }
+
+    async fn holes(&self, job: JobId, phase: Phase, run: TileRun) -> Result<BTreeMap<TileIndex, String>, StoreError> {
+        poison::holes(&mut self.database.read().await?, job, phase, run).await
     }
 
     async fn contributions(&self, job: JobId) -> Result<Vec<Contribution>, StoreError> {

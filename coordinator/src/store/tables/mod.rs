@@ -17,7 +17,7 @@ mod locks;
 pub(super) mod lost;
 mod opinions;
 pub(super) mod packages;
-mod poison;
+pub(super) mod poison;
 pub(super) mod requests;
 pub(super) mod retention;
 pub(super) mod scenes;

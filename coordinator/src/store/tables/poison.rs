@@ -3,18 +3,20 @@
 use super::{jobs, lies, shards, workers};
 use crate::{
     job::{self, OnPoison},
-    lease::{self, Refuted, Suspicion, shard_of},
+    lease::{self, Charges, Refuted, Suspicion, shard_of},
     records::UnixMillis,
     store::{
         AttemptRow, StoreError,
-        rows::{from_json, on_poison, parse},
+        rows::{from_json, on_poison, parse, runs},
         sql::{Tx, sql},
     },
 };
 use kiln_proto::{
     ids::{JobId, WorkerId},
-    tile::{TileIndex, TileRuns},
+    tile::{TileIndex, TileRun, TileRuns},
+    wire::message::Phase,
 };
+use std::collections::BTreeMap;
 
 /// Puts back what an attempt left that failed or fell silent: in smaller leases, or charged. A tile that is quarantined by that is its job's
 /// business.
@@ -23,13 +25,16 @@ pub(super) async fn suspect(c: &mut Tx, of: &AttemptRow, rest: &TileRuns, reason
     let Some(mut shard) = shards::lock(c, of.job, of.phase, index).await? else { return Ok(()) };
     let connected = workers::connected(c, Some(of.job), now).await?;
     let poison = shard.suspect(&Suspicion { leased: of.run, rest, worker: of.worker, connected });
+    if let Some(tile) = poison {
+        shard.charges.explain(tile, reason);
+    }
     shards::save(c, of.job, of.phase, index, &shard).await?;
     let Some(tile) = poison else { return Ok(()) };
     let query = sql("SELECT on_poison, places FROM jobs WHERE id = $1").bind(of.job.to_string());
     let Some(row) = c.one(query).await? else { return Ok(()) };
     let on_poison = on_poison(&row.text("on_poison")?)?;
     let places: Vec<(u64, String)> = from_json("where surfaces begin", &row.text("places")?)?;
-    let problem = lease::poisoned(&shard.charges, of.phase, tile, place(&places, tile), reason);
+    let problem = lease::poisoned(&shard.charges, of.phase, tile, place(&places, tile), on_poison);
     // Boxed: what follows may end other attempts, which comes back here in type, though never in fact.
     let event = job::Event::Quarantined { phase: of.phase, on_poison, problem: problem.clone() };
     let happened = Box::pin(jobs::happen(c, of.job, &event, now)).await?;
@@ -37,6 +42,20 @@ pub(super) async fn suspect(c: &mut Tx, of: &AttemptRow, rest: &TileRuns, reason
         Box::pin(jobs::add_problem(c, of.job, &problem, now)).await?;
     }
     Ok(())
+}
+
+/// The tiles of a run that are in quarantine, each with how it failed.
+pub(in super::super) async fn holes(c: &mut Tx, job: JobId, phase: Phase, run: TileRun) -> Result<BTreeMap<TileIndex, String>, StoreError> {
+    let query = sql("SELECT quarantined, charges FROM shards WHERE job = $1 AND phase = $2 AND shard >= $3 AND shard <= $4
+         AND quarantined <> '' ORDER BY shard");
+    let (first, last) = (shard_of(TileIndex(run.start)), shard_of(TileIndex(run.end)));
+    let mut found = BTreeMap::new();
+    for row in c.all(query.bind(job.to_string()).bind(phase.to_string()).bind(first).bind(last)).await? {
+        let charges: Charges = parse("charges of tiles", &row.text("charges")?)?;
+        let tiles = runs(&row.text("quarantined")?)?.intersection(&TileRuns::from_run(run));
+        found.extend(tiles.iter().map(|tile| (tile, lease::failures(&charges, tile))));
+    }
+    Ok(found)
 }
 
 /// The surface of a tile and its number among the tiles of that surface; nothing before the surfaces are laid out.

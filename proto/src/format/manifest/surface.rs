@@ -35,6 +35,28 @@ pub struct SurfaceRecord {
     pub walk: Walk,
     /// What the encoding costs and what it saves.
     pub encoding: Encoding,
+    /// Tiles that could not be baked, in order: what their texels hold was borrowed. Absent where there are none.
+    #[serde(skip_serializing_if = "Vec::is_empty", default)]
+    pub holes: Vec<HoleRecord>,
+}
+
+/// A tile that could not be baked.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct HoleRecord {
+    /// Its number among the tiles of its surface, from 0.
+    pub tile: u32,
+    /// Its first column in the texture.
+    pub x: u32,
+    /// Its first row in the texture.
+    pub y: u32,
+    /// Columns of the texture that it has.
+    pub width: u32,
+    /// Rows of the texture that it has.
+    pub height: u32,
+    /// Texels of it that lie on a chart.
+    pub covered: u32,
+    /// How it failed: a predicate without a full stop, such as `failed 3 times on 2 workers, the last time with: out of memory`.
+    pub reason: String,
 }
 
 /// Sizes and errors of an encoded surface.
@@ -54,7 +76,7 @@ pub struct Encoding {
     pub ratio: f64,
     /// Whether the encoding is larger than the raw samples: noisy glossy data can grow.
     pub grew: bool,
-    /// Errors over the covered texels.
+    /// Errors over the covered texels, those of holes left out.
     pub errors: ErrorSummary,
 }
 
