@@ -7,6 +7,7 @@ mod bad_input;
 mod bake;
 mod browser;
 mod cluster;
+mod contract;
 mod convert;
 mod deploy;
 mod determinism;
