@@ -9,7 +9,6 @@ use crate::config::Access;
 use bytes::Bytes;
 use kiln_proto::{
     ids::{Digest, SceneHash, Token},
-    limits,
     wire::{
         frame::{self, FrameError, Message},
         message::{ChunkVerdict, Finish, Heartbeat, HeartbeatReply, Hello, LeaseGrant, LeaseRequest, Refusal, Welcome},
@@ -163,7 +162,7 @@ impl Session {
         let path = format!("/v1/worker/attempts/{token}/chunks/{number}");
         self.retrying(|| async {
             let reply: Option<ChunkVerdict> = self.send(Method::PUT, &path, body.clone()).await?;
-            reply.ok_or_else(|| nothing(&path))
+            reply.ok_or_else(|| answer::nothing(&path))
         })
         .await
     }
@@ -210,7 +209,7 @@ impl Session {
         let welcome: Welcome = self
             .retrying(|| async {
                 let reply = self.call(Method::POST, "/v1/worker/hello", self.hello.clone()).await?;
-                reply.ok_or_else(|| nothing(&self.base))
+                reply.ok_or_else(|| answer::nothing(&self.base))
             })
             .await?;
         *self.welcome.write().unwrap_or_else(PoisonError::into_inner) = welcome;
@@ -222,17 +221,17 @@ impl Session {
             let url = format!("{}{path}", self.base);
             let silent = |_| CallError::Silent { url: url.clone() };
             let asked = self.carrier.carry(self.request(Method::GET, &url)?);
-            let mut response = timeout(CALL_TIMEOUT, asked).await.map_err(silent)?.map_err(|source| failed(&url, source))?;
+            let mut response = timeout(CALL_TIMEOUT, asked).await.map_err(silent)?.map_err(|source| answer::failed(&url, source))?;
             let (status, headers) = (response.status(), response.headers().clone());
             // However large a scene is, it may come as slowly as it likes as long as it comes.
             let mut body = Vec::new();
-            while let Some(piece) = timeout(CALL_TIMEOUT, response.chunk()).await.map_err(silent)?.map_err(|e| failed(&url, e))? {
+            while let Some(piece) = timeout(CALL_TIMEOUT, response.chunk()).await.map_err(silent)?.map_err(|e| answer::failed(&url, e))? {
                 body.extend_from_slice(&piece);
             }
             if !status.is_success() {
                 return Err(answer::failure(&url, status.as_u16(), &headers, &body));
             }
-            let plain = unpack(&body).map_err(FrameError::Decompress)?;
+            let plain = answer::unpack(&body).map_err(FrameError::Decompress)?;
             let found = Digest::of(&plain).to_string();
             if found == expected { Ok(plain) } else { Err(CallError::Damaged { what, expected: expected.to_owned(), found }) }
         })
@@ -249,9 +248,9 @@ impl Session {
         *request.timeout_mut() = Some(CALL_TIMEOUT + Duration::from_secs(body.len() as u64 / SLOWEST_LINK));
         request.headers_mut().insert(CONTENT_TYPE, HeaderValue::from_static("application/octet-stream"));
         *request.body_mut() = Some(body.into());
-        let response = self.carrier.carry(request).await.map_err(|source| failed(&url, source))?;
+        let response = self.carrier.carry(request).await.map_err(|source| answer::failed(&url, source))?;
         let (status, headers) = (response.status().as_u16(), response.headers().clone());
-        let body = response.bytes().await.map_err(|source| failed(&url, source))?;
+        let body = response.bytes().await.map_err(|source| answer::failed(&url, source))?;
         match status {
             204 => Ok(None),
             200..=299 if body.is_empty() => Ok(None),
@@ -296,24 +295,4 @@ impl Session {
             }
         }
     }
-}
-
-fn failed(url: &str, source: impl Into<Cause>) -> CallError {
-    CallError::Transport { url: url.to_owned(), source: source.into() }
-}
-
-/// Success without the answer that belongs to it.
-fn nothing(url: &str) -> CallError {
-    CallError::Status { url: url.to_owned(), status: 204, detail: String::new(), retry_after: None }
-}
-
-fn unpack(packed: &[u8]) -> std::io::Result<Vec<u8>> {
-    use std::io::Read;
-    let mut plain = Vec::new();
-    let mut reader = zstd::stream::read::Decoder::new(packed)?.take(limits::SCENE_BYTES as u64 + 1);
-    reader.read_to_end(&mut plain)?;
-    if plain.len() > limits::SCENE_BYTES {
-        return Err(std::io::Error::other("larger than any scene may be"));
-    }
-    Ok(plain)
 }

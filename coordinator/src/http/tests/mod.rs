@@ -5,6 +5,7 @@ mod jobs;
 mod package;
 mod page;
 mod preview;
+mod simulated;
 mod surface;
 mod tcp;
 mod tls;
