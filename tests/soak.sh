@@ -36,6 +36,12 @@ cargo test --test system -- --nocapture chaos | tee "$OUT/chaos.txt"
 step "glTF's materials against Mitsuba: every value of a floor of GGX"
 cargo test -p kiln-worker --lib -- --nocapture a_floor_of_ggx
 
+step "simulated networks: 500 seeds"
+cargo test -p kiln-coordinator --lib -- --nocapture simulated
+
+step "the API against its document: 200 made-up requests for each operation and kind"
+cargo test --test system -- --nocapture contract
+
 step "thesis-room at nominal sizes, $SAMPLES samples"
 time "$KILN" bake "$ROOM/thesis.obj" --settings "$ROOM/nominal.json" --preset preview --samples "$SAMPLES" --max-depth 5 \
     --raw u8 --threads "$THREADS" -o "$OUT/room"

@@ -8,6 +8,7 @@ mod bake;
 mod browser;
 mod chaos;
 mod cluster;
+mod contract;
 mod convert;
 mod deploy;
 mod determinism;

@@ -48,9 +48,9 @@ pub(super) struct FilePath {
         ("range" = Option<String>, Header, description = "`bytes=FIRST-LAST`, `bytes=FIRST-` or `bytes=-COUNT`"),
         ("if-none-match" = Option<String>, Header, description = "ETag of the file that the client holds")),
     responses(
-        (status = 200, description = "The file", body = String, content_type = "application/octet-stream",
+        (status = 200, description = "The file, of its own media type", body = String, content_type = "*/*",
             headers(("etag" = String, description = "SHA-256 of the file"), ("accept-ranges" = String, description = "bytes"))),
-        (status = 206, description = "The part asked for", body = String, content_type = "application/octet-stream",
+        (status = 206, description = "The part asked for", body = String, content_type = "*/*",
             headers(("content-range" = String, description = "Which part"))),
         (status = 304, description = "The client holds this file")))]
 pub(super) async fn file(

@@ -50,7 +50,7 @@ kinds! {
         "A setting is unknown, has the wrong type, is out of its range, or contradicts another one. `field` names it."
         "See the schema SettingsPatch in /openapi.json for every setting, its range and its default.";
     InvalidRequest "invalid-request" BAD_REQUEST "The request cannot be understood"
-        "A parameter of the path or the query, or a header, is missing, unknown or malformed; `detail` names it."
+        "A parameter of the query, or a header, is missing, unknown or malformed; `detail` names it."
         "Compare the request with /openapi.json.";
     InvalidJson "invalid-json" BAD_REQUEST "The body is not JSON"
         "The body stops being JSON at the position given by `line` and `column`."

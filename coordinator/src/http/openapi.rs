@@ -77,10 +77,13 @@ fn complete(derived: &utoipa::openapi::OpenApi, routes: &[Route]) -> Value {
     name_shared_types(&mut document);
     describe_uploads(&mut document);
     describe_bytes(&mut document["paths"]);
+    document["paths"]["/v1/jobs/{id}/events"]["get"]["responses"]["200"]["content"]["text/event-stream"]["schema"] = event();
     document["components"]["securitySchemes"] = security_schemes();
     for route in routes {
         document["paths"][route.documented_path()][route.verb.name()]["security"] = security(route.access);
-        add_problems(&mut document["paths"][route.documented_path()][route.verb.name()]["responses"], route);
+        let responses = &mut document["paths"][route.documented_path()][route.verb.name()]["responses"];
+        add_refusals(responses, route);
+        add_problems(responses, route);
     }
     document
 }
@@ -143,6 +146,7 @@ fn describe_uploads(document: &mut Value) {
 /// OpenAPI 3.1 describes plain bytes by a media type without a schema.
 fn describe_bytes(value: &mut Value) {
     const BYTES: &[&str] = &[
+        "*/*",
         "application/octet-stream",
         "application/zip",
         "application/zstd",
@@ -164,6 +168,16 @@ fn describe_bytes(value: &mut Value) {
         Value::Array(items) => items.iter_mut().for_each(describe_bytes),
         _ => {}
     }
+}
+
+/// One event of a stream, field by field.
+fn event() -> Value {
+    let data = json!({"anyOf": [reference("JobEvent"), reference("Snapshot")]});
+    json!({"type": "object", "description": "One event of the stream.", "required": ["event", "id", "data"], "properties": {
+        "event": {"enum": ["state", "tiles", "problem", "snapshot"]},
+        "id": {"type": "string", "description": "The sequence number."},
+        "data": {"type": "string", "contentMediaType": "application/json", "contentSchema": data},
+    }})
 }
 
 /// How a client says who it is.
@@ -190,6 +204,16 @@ fn security(access: Access) -> Value {
     }
 }
 
+/// What the worker protocol refuses with a frame, where a call's own words do not say it.
+fn add_refusals(responses: &mut Value, route: &Route) {
+    for (status, why) in worker_protocol::refusals(route) {
+        let status = status.to_string();
+        if responses[&status].is_null() {
+            responses[&status] = json!({"description": format!("Refusal: {why}"), "content": {worker_protocol::FRAME: {}}});
+        }
+    }
+}
+
 /// Problems by status: what the table says, those of access, and what any route may answer.
 fn add_problems(responses: &mut Value, route: &Route) {
     const ALWAYS: &[Kind] = &[Kind::ForeignHost, Kind::ForeignOrigin, Kind::Busy, Kind::Internal];
@@ -201,14 +225,14 @@ fn add_problems(responses: &mut Value, route: &Route) {
     }
     for (status, kinds) in by_status {
         let status = status.to_string();
-        if !responses[&status].is_null() {
-            continue; // The worker protocol answers with a frame here.
-        }
         let titles: Vec<String> = kinds.iter().map(|kind| format!("{} (`{}`)", kind.entry().title, kind.uri())).collect();
         let examples: Value =
             kinds.iter().map(|kind| (kind.entry().slug.to_owned(), example(*kind))).collect::<serde_json::Map<_, _>>().into();
-        let content = json!({"application/problem+json": {"schema": reference("ProblemDetails"), "examples": examples}});
-        responses[&status] = json!({"description": titles.join("; "), "content": content});
+        let content = json!({"schema": reference("ProblemDetails"), "examples": examples});
+        // The worker protocol may answer with a frame as well, and the door before it does not.
+        let known = responses[&status]["description"].as_str().map(str::to_owned);
+        responses[&status]["description"] = known.into_iter().chain(titles).collect::<Vec<_>>().join("; ").into();
+        responses[&status]["content"]["application/problem+json"] = content;
     }
 }
 

@@ -47,7 +47,7 @@ pub(super) struct AssetPath {
 
 /// A file that the page loads.
 #[utoipa::path(get, path = "/assets/{path}", operation_id = "pageAsset", tag = "pages", params(("path" = String, Path, description = "The file's name")),
-    responses((status = 200, description = "The file", content_type = "application/octet-stream", body = Vec<u8>)))]
+    responses((status = 200, description = "The file, of its own media type", content_type = "*/*", body = Vec<u8>)))]
 pub(super) async fn asset(Path(AssetPath { path }): Path<AssetPath>, headers: HeaderMap) -> Answer<Response> {
     send(find(&format!("assets/{path}"))?, IMMUTABLE, &headers)
 }

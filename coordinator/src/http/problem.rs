@@ -237,7 +237,8 @@ fn conflict(what: &str) -> Kind {
 
 impl From<PathRejection> for Failure {
     fn from(rejection: PathRejection) -> Self {
-        Failure::new(Kind::InvalidRequest, format!("the path cannot be read: {}", rejection.body_text()))
+        // What cannot be read as a name names nothing.
+        Failure::new(Kind::NotFound, format!("the path cannot be read: {}", rejection.body_text()))
     }
 }
 

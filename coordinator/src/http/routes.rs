@@ -116,7 +116,7 @@ impl Routes {
             .on(Verb::Get, "/assets/{*path}", Access::Public, &[Kind::NotFound, Kind::PreconditionFailed], page::asset)
             .on(Verb::Get, "/kiln-viewer.js", Access::Public, &[Kind::NotFound, Kind::PreconditionFailed], page::library)
             .on(Verb::Get, "/about", Access::Look, &[], index::about)
-            .on(Verb::Get, "/problems/{slug}", Access::Public, &[], index::problem_page)
+            .on(Verb::Get, "/problems/{slug}", Access::Public, &[Kind::NotFound], index::problem_page)
             .on(Verb::Get, "/openapi.json", Access::Look, &[], openapi::document)
     }
 

@@ -9,12 +9,16 @@ use super::{
     catalogue::Kind,
     extract::Path,
     problem::Failure,
+    routes::{Route, Verb},
 };
-use crate::engine::{Download, EngineError};
+use crate::{
+    auth::Access,
+    engine::{Download, EngineError},
+};
 use axum::{
     body::Body,
-    extract::{Request, State},
-    http::{HeaderValue, StatusCode, header},
+    extract::{FromRequestParts, Request, State},
+    http::{HeaderValue, StatusCode, header, request::Parts},
     response::{IntoResponse, Response},
 };
 use kiln_proto::{
@@ -26,7 +30,7 @@ use kiln_proto::{
         message::{ChunkVerdict, Finish, Heartbeat, HeartbeatReply, Hello, LeaseGrant, LeaseRequest, Refusal, Welcome},
     },
 };
-use serde::Deserialize;
+use serde::{Deserialize, de::DeserializeOwned};
 use std::str::FromStr;
 
 /// The media type of a frame.
@@ -93,6 +97,24 @@ impl IntoResponse for Refused {
     }
 }
 
+/// What calls of a route may be refused with, whatever they are for.
+pub(super) fn refusals(route: &Route) -> Vec<(u16, &'static str)> {
+    const NAMED: &[(u16, &str)] = &[(404, "nothing has that name")];
+    const BODY: &[(u16, &str)] = &[
+        (400, "the body is damaged or ended early"),
+        (408, "the body stopped coming"),
+        (413, "the body is too large"),
+        (422, "what the body says is not acceptable"),
+    ];
+    const MESSAGE: &[(u16, &str)] = &[(426, "another protocol or bake version")];
+    const ALWAYS: &[(u16, &str)] = &[(503, "later")];
+    if route.access != Access::Work {
+        return vec![];
+    }
+    let parts = [(route.path.contains('{'), NAMED), (route.verb != Verb::Get, BODY), (route.verb == Verb::Post, MESSAGE), (true, ALWAYS)];
+    parts.into_iter().filter(|(applies, _)| *applies).flat_map(|(_, part)| part.iter().copied()).collect()
+}
+
 /// The message in the body of a request.
 async fn message<M: Message>(app: &App, body: Body) -> Result<M, Refused> {
     let bytes = body::read(body, MESSAGE_BYTES + HEADER_BYTES as u64).await?;
@@ -110,6 +132,17 @@ fn reply<M: Message>(message: &M) -> Reply {
     match to_frame(message) {
         Ok(frame) => Ok(([(header::CONTENT_TYPE, FRAME)], frame).into_response()),
         Err(error) => Err(Failure::internal(error).into()),
+    }
+}
+
+/// What the path names.
+pub(super) struct InPath<T>(T);
+
+impl<T: DeserializeOwned + Send, S: Send + Sync> FromRequestParts<S> for InPath<T> {
+    type Rejection = Refused;
+    async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<Self, Refused> {
+        let Path(value) = Path::from_request_parts(parts, state).await?;
+        Ok(Self(value))
     }
 }
 
@@ -149,7 +182,7 @@ pub(super) async fn lease(State(app): State<App>, request: Request) -> Reply {
 /// A canonical scene, one zstd frame.
 #[utoipa::path(get, path = "/v1/worker/scenes/{hash}", operation_id = "workerScene", tag = "worker", params(("hash" = String, Path, description = "The scene's hash")),
     responses((status = 200, description = "The scene", body = String, content_type = "application/zstd")))]
-pub(super) async fn scene(State(app): State<App>, Path(hash): Path<String>) -> Reply {
+pub(super) async fn scene(State(app): State<App>, InPath(hash): InPath<String>) -> Reply {
     let hash: SceneHash = name(&hash)?;
     blob(app.engine.scene_bytes(hash).await?, &hash.to_string())
 }
@@ -157,7 +190,7 @@ pub(super) async fn scene(State(app): State<App>, Path(hash): Path<String>) -> R
 /// A plan, one zstd frame.
 #[utoipa::path(get, path = "/v1/worker/plans/{digest}", operation_id = "workerPlan", tag = "worker", params(("digest" = String, Path, description = "The plan's digest")),
     responses((status = 200, description = "The plan", body = String, content_type = "application/zstd")))]
-pub(super) async fn plan(State(app): State<App>, Path(digest): Path<String>) -> Reply {
+pub(super) async fn plan(State(app): State<App>, InPath(digest): InPath<String>) -> Reply {
     let digest: Digest = name(&digest)?;
     blob(app.engine.plan_bytes(digest).await?, &digest.to_string())
 }
@@ -186,7 +219,7 @@ pub(super) struct ChunkPath {
     responses((status = 200, description = "ChunkVerdict", body = String, content_type = FRAME),
         (status = 410, description = "Refusal: the attempt may not deliver", body = String, content_type = FRAME),
         (status = 422, description = "Refusal: the bytes are not a chunk of this attempt", body = String, content_type = FRAME)))]
-pub(super) async fn chunk(State(app): State<App>, Path(path): Path<ChunkPath>, request: Request) -> Reply {
+pub(super) async fn chunk(State(app): State<App>, InPath(path): InPath<ChunkPath>, request: Request) -> Reply {
     let token = token(&path.token)?;
     // More uploads at once than this would fill the spool faster than the engine empties it.
     let Ok(_slot) = app.chunk_slots.try_acquire() else {
@@ -203,8 +236,9 @@ pub(super) async fn chunk(State(app): State<App>, Path(path): Path<ChunkPath>, r
 #[utoipa::path(post, path = "/v1/worker/attempts/{token}/heartbeat", operation_id = "workerHeartbeat", tag = "worker",
     params(("token" = String, Path, description = "The attempt's token")),
     request_body(content = String, content_type = FRAME, description = "Heartbeat"),
-    responses((status = 200, description = "HeartbeatReply", body = String, content_type = FRAME)))]
-pub(super) async fn heartbeat(State(app): State<App>, Path(text): Path<String>, request: Request) -> Reply {
+    responses((status = 200, description = "HeartbeatReply", body = String, content_type = FRAME),
+        (status = 410, description = "Refusal: that is no token", body = String, content_type = FRAME)))]
+pub(super) async fn heartbeat(State(app): State<App>, InPath(text): InPath<String>, request: Request) -> Reply {
     let heartbeat: Heartbeat = message(&app, request.into_body()).await?;
     let answer: HeartbeatReply = app.engine.heartbeat(token(&text)?, &heartbeat).await?;
     reply(&answer)
@@ -216,7 +250,7 @@ pub(super) async fn heartbeat(State(app): State<App>, Path(text): Path<String>, 
     request_body(content = String, content_type = FRAME, description = "Finish"),
     responses((status = 204, description = "Noted"),
         (status = 410, description = "Refusal: the attempt is over already", body = String, content_type = FRAME)))]
-pub(super) async fn complete(State(app): State<App>, Path(text): Path<String>, request: Request) -> Reply {
+pub(super) async fn complete(State(app): State<App>, InPath(text): InPath<String>, request: Request) -> Reply {
     let finish: Finish = message(&app, request.into_body()).await?;
     app.engine.complete(token(&text)?, &finish).await?;
     Ok(StatusCode::NO_CONTENT.into_response())
@@ -228,7 +262,7 @@ pub(super) async fn complete(State(app): State<App>, Path(text): Path<String>, r
     request_body(content = String, content_type = FRAME, description = "Finish"),
     responses((status = 204, description = "Noted"),
         (status = 410, description = "Refusal: the attempt is over already", body = String, content_type = FRAME)))]
-pub(super) async fn release(State(app): State<App>, Path(text): Path<String>, request: Request) -> Reply {
+pub(super) async fn release(State(app): State<App>, InPath(text): InPath<String>, request: Request) -> Reply {
     let finish: Finish = message(&app, request.into_body()).await?;
     app.engine.release(token(&text)?, &finish).await?;
     Ok(StatusCode::NO_CONTENT.into_response())

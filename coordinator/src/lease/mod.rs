@@ -19,7 +19,7 @@ mod policy;
 pub(crate) mod rule;
 mod shard;
 #[cfg(test)]
-mod simulation;
+pub(crate) mod simulation;
 mod state;
 mod text;
 mod twin;

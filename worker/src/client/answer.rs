@@ -1,7 +1,10 @@
 //! Answers that are not the one asked for: refusals in frames, problems in JSON, and what proxies say.
 
-use super::session::CallError;
-use kiln_proto::wire::{frame, message::Refusal};
+use super::{session::CallError, transport::Cause};
+use kiln_proto::{
+    limits,
+    wire::{frame, message::Refusal},
+};
 use reqwest::header::{HeaderMap, LOCATION, RETRY_AFTER};
 use std::time::Duration;
 
@@ -39,6 +42,28 @@ fn moved(headers: &HeaderMap) -> Option<String> {
 fn retry_after(headers: &HeaderMap) -> Option<Duration> {
     let seconds: u64 = headers.get(RETRY_AFTER)?.to_str().ok()?.trim().parse().ok()?;
     Some(Duration::from_secs(seconds))
+}
+
+/// No answer at all.
+pub(super) fn failed(url: &str, source: impl Into<Cause>) -> CallError {
+    CallError::Transport { url: url.to_owned(), source: source.into() }
+}
+
+/// Success without the answer that belongs to it.
+pub(super) fn nothing(url: &str) -> CallError {
+    CallError::Status { url: url.to_owned(), status: 204, detail: String::new(), retry_after: None }
+}
+
+/// The bytes of a blob.
+pub(super) fn unpack(packed: &[u8]) -> std::io::Result<Vec<u8>> {
+    use std::io::Read;
+    let mut plain = Vec::new();
+    let mut reader = zstd::stream::read::Decoder::new(packed)?.take(limits::SCENE_BYTES as u64 + 1);
+    reader.read_to_end(&mut plain)?;
+    if plain.len() > limits::SCENE_BYTES {
+        return Err(std::io::Error::other("larger than any scene may be"));
+    }
+    Ok(plain)
 }
 
 #[cfg(test)]

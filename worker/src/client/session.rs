@@ -3,17 +3,20 @@
 use super::{
     answer,
     retry::Retry,
-    transport::{self, TransportError},
+    transport::{self, Carrier, Cause, TransportError},
 };
 use crate::config::Access;
 use bytes::Bytes;
 use kiln_proto::{
     ids::{Digest, SceneHash, Token},
-    limits,
     wire::{
         frame::{self, FrameError, Message},
         message::{ChunkVerdict, Finish, Heartbeat, HeartbeatReply, Hello, LeaseGrant, LeaseRequest, Refusal, Welcome},
     },
+};
+use reqwest::{
+    Method, Request, Url,
+    header::{CONTENT_TYPE, HeaderValue},
 };
 use std::{
     sync::{PoisonError, RwLock},
@@ -42,7 +45,7 @@ pub enum CallError {
         url: String,
         /// What went wrong.
         #[source]
-        source: reqwest::Error,
+        source: Cause,
     },
     /// Nothing came for longer than a coordinator is ever silent.
     #[error("{url} fell silent")]
@@ -85,7 +88,7 @@ pub enum CallError {
 
 /// A session: who the worker is, and where its coordinator lives.
 pub struct Session {
-    http: reqwest::Client,
+    carrier: Box<dyn Carrier>,
     base: String,
     hello: Hello,
     welcome: RwLock<Welcome>,
@@ -101,9 +104,17 @@ impl Session {
         let base = base.trim_end_matches('/').to_owned();
         // Redirections are told, not followed: most turn a POST into a GET on the way.
         let http = transport::builder(&base, access)?.redirect(reqwest::redirect::Policy::none()).build();
-        let http = http.map_err(|source| CallError::Transport { url: base.clone(), source })?;
+        let http = http.map_err(|source| CallError::Transport { url: base.clone(), source: source.into() })?;
+        Self::through(Box::new(http), base, hello, stop).await
+    }
+
+    /// As [`Session::open`], where something else carries the requests.
+    ///
+    /// # Errors
+    /// As [`Session::open`].
+    pub async fn through(carrier: Box<dyn Carrier>, base: String, hello: Hello, stop: CancellationToken) -> Result<Self, CallError> {
         let nobody = Welcome { worker: kiln_proto::ids::WorkerId(Default::default()), heartbeat_ms: 0, chunk_bytes: 0, chunk_ms: 0 };
-        let session = Self { http, base, hello, welcome: RwLock::new(nobody), stop };
+        let session = Self { carrier, base, hello, welcome: RwLock::new(nobody), stop };
         session.introduce().await?;
         Ok(session)
     }
@@ -118,7 +129,7 @@ impl Session {
     /// # Errors
     /// Every [`CallError`]: whether to ask again after one depends on what happened meanwhile to the work in hand.
     pub async fn lease(&self) -> Result<Option<LeaseGrant>, CallError> {
-        match self.call("POST", "/v1/worker/leases", self.lease_request()).await {
+        match self.call(Method::POST, "/v1/worker/leases", self.lease_request()).await {
             Err(CallError::Refused(Refusal::UnknownWorker)) => {
                 self.introduce().await?;
                 Ok(None)
@@ -150,8 +161,8 @@ impl Session {
     pub async fn chunk(&self, token: Token, number: u32, body: Bytes) -> Result<ChunkVerdict, CallError> {
         let path = format!("/v1/worker/attempts/{token}/chunks/{number}");
         self.retrying(|| async {
-            let reply: Option<ChunkVerdict> = self.send("PUT", &path, body.clone()).await?;
-            reply.ok_or_else(|| nothing(&path))
+            let reply: Option<ChunkVerdict> = self.send(Method::PUT, &path, body.clone()).await?;
+            reply.ok_or_else(|| answer::nothing(&path))
         })
         .await
     }
@@ -162,7 +173,7 @@ impl Session {
     /// See [`CallError`].
     pub async fn heartbeat(&self, token: Token, beat: Heartbeat) -> Result<HeartbeatReply, CallError> {
         let path = format!("/v1/worker/attempts/{token}/heartbeat");
-        let reply: Option<HeartbeatReply> = self.call("POST", &path, beat).await?;
+        let reply: Option<HeartbeatReply> = self.call(Method::POST, &path, beat).await?;
         Ok(reply.unwrap_or(HeartbeatReply::Continue))
     }
 
@@ -184,7 +195,7 @@ impl Session {
 
     async fn finish(&self, path: String, finish: Finish) -> Result<(), CallError> {
         self.retrying(|| async {
-            let _: Option<HeartbeatReply> = self.call("POST", &path, finish.clone()).await?;
+            let _: Option<HeartbeatReply> = self.call(Method::POST, &path, finish.clone()).await?;
             Ok(())
         })
         .await
@@ -197,8 +208,8 @@ impl Session {
     async fn introduce(&self) -> Result<(), CallError> {
         let welcome: Welcome = self
             .retrying(|| async {
-                let reply = self.call("POST", "/v1/worker/hello", self.hello.clone()).await?;
-                reply.ok_or_else(|| nothing(&self.base))
+                let reply = self.call(Method::POST, "/v1/worker/hello", self.hello.clone()).await?;
+                reply.ok_or_else(|| answer::nothing(&self.base))
             })
             .await?;
         *self.welcome.write().unwrap_or_else(PoisonError::into_inner) = welcome;
@@ -208,43 +219,49 @@ impl Session {
     async fn blob(&self, what: &'static str, path: &str, expected: &str) -> Result<Vec<u8>, CallError> {
         self.retrying(|| async {
             let url = format!("{}{path}", self.base);
-            let transport = |source| CallError::Transport { url: url.clone(), source };
             let silent = |_| CallError::Silent { url: url.clone() };
-            let mut response = timeout(CALL_TIMEOUT, self.http.get(&url).send()).await.map_err(silent)?.map_err(transport)?;
+            let asked = self.carrier.carry(self.request(Method::GET, &url)?);
+            let mut response = timeout(CALL_TIMEOUT, asked).await.map_err(silent)?.map_err(|source| answer::failed(&url, source))?;
             let (status, headers) = (response.status(), response.headers().clone());
             // However large a scene is, it may come as slowly as it likes as long as it comes.
             let mut body = Vec::new();
-            while let Some(piece) = timeout(CALL_TIMEOUT, response.chunk()).await.map_err(silent)?.map_err(transport)? {
+            while let Some(piece) = timeout(CALL_TIMEOUT, response.chunk()).await.map_err(silent)?.map_err(|e| answer::failed(&url, e))? {
                 body.extend_from_slice(&piece);
             }
             if !status.is_success() {
                 return Err(answer::failure(&url, status.as_u16(), &headers, &body));
             }
-            let plain = unpack(&body).map_err(FrameError::Decompress)?;
+            let plain = answer::unpack(&body).map_err(FrameError::Decompress)?;
             let found = Digest::of(&plain).to_string();
             if found == expected { Ok(plain) } else { Err(CallError::Damaged { what, expected: expected.to_owned(), found }) }
         })
         .await
     }
 
-    async fn call<Q: Message, R: Message>(&self, method: &str, path: &str, message: Q) -> Result<Option<R>, CallError> {
+    async fn call<Q: Message, R: Message>(&self, method: Method, path: &str, message: Q) -> Result<Option<R>, CallError> {
         self.send(method, path, Bytes::from(frame::to_frame(&message)?)).await
     }
 
-    async fn send<R: Message>(&self, method: &str, path: &str, body: Bytes) -> Result<Option<R>, CallError> {
+    async fn send<R: Message>(&self, method: Method, path: &str, body: Bytes) -> Result<Option<R>, CallError> {
         let url = format!("{}{path}", self.base);
-        let transport = |source| CallError::Transport { url: url.clone(), source };
-        let request = if method == "PUT" { self.http.put(&url) } else { self.http.post(&url) };
-        let request = request.timeout(CALL_TIMEOUT + Duration::from_secs(body.len() as u64 / SLOWEST_LINK));
-        let response = request.header("content-type", "application/octet-stream").body(body).send().await.map_err(transport)?;
+        let mut request = self.request(method, &url)?;
+        *request.timeout_mut() = Some(CALL_TIMEOUT + Duration::from_secs(body.len() as u64 / SLOWEST_LINK));
+        request.headers_mut().insert(CONTENT_TYPE, HeaderValue::from_static("application/octet-stream"));
+        *request.body_mut() = Some(body.into());
+        let response = self.carrier.carry(request).await.map_err(|source| answer::failed(&url, source))?;
         let (status, headers) = (response.status().as_u16(), response.headers().clone());
-        let body = response.bytes().await.map_err(transport)?;
+        let body = response.bytes().await.map_err(|source| answer::failed(&url, source))?;
         match status {
             204 => Ok(None),
             200..=299 if body.is_empty() => Ok(None),
             200..=299 => Ok(Some(frame::from_frame(&body)?)),
             _ => Err(answer::failure(&url, status, &headers, &body)),
         }
+    }
+
+    fn request(&self, method: Method, url: &str) -> Result<Request, CallError> {
+        let parsed = Url::parse(url).map_err(|_| TransportError::Address(self.base.clone()))?;
+        Ok(Request::new(method, parsed))
     }
 
     /// The waits and words of a series of tries.
@@ -278,20 +295,4 @@ impl Session {
             }
         }
     }
-}
-
-/// Success without the answer that belongs to it.
-fn nothing(url: &str) -> CallError {
-    CallError::Status { url: url.to_owned(), status: 204, detail: String::new(), retry_after: None }
-}
-
-fn unpack(packed: &[u8]) -> std::io::Result<Vec<u8>> {
-    use std::io::Read;
-    let mut plain = Vec::new();
-    let mut reader = zstd::stream::read::Decoder::new(packed)?.take(limits::SCENE_BYTES as u64 + 1);
-    reader.read_to_end(&mut plain)?;
-    if plain.len() > limits::SCENE_BYTES {
-        return Err(std::io::Error::other("larger than any scene may be"));
-    }
-    Ok(plain)
 }

@@ -1,15 +1,36 @@
 //! An HTTP client that speaks to one coordinator: with a token, and with the roots that its address needs.
 //!
 //! Plain addresses get no root certificates at all: a machine without any, as in a slim container, could not even speak HTTP otherwise.
+//!
+//! A session sends through a [`Carrier`], so that a simulated network can carry the real client's calls. It costs one box per call.
 
 use crate::config::Access;
 use reqwest::{
     Certificate, ClientBuilder,
     header::{AUTHORIZATION, HeaderMap, HeaderValue},
 };
-use std::{path::PathBuf, time::Duration};
+use std::{error::Error, path::PathBuf, pin::Pin, time::Duration};
 
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(10);
+
+/// Why a request was not answered.
+pub type Cause = Box<dyn Error + Send + Sync>;
+
+/// An answer on its way.
+pub type Carried<'a> = Pin<Box<dyn Future<Output = Result<reqwest::Response, Cause>> + Send + 'a>>;
+
+/// What brings a request to the coordinator and its answer back, within the time that the request gives.
+pub trait Carrier: Send + Sync {
+    /// Carries one request.
+    fn carry(&self, request: reqwest::Request) -> Carried<'_>;
+}
+
+impl Carrier for reqwest::Client {
+    fn carry(&self, request: reqwest::Request) -> Carried<'_> {
+        let sent = self.execute(request);
+        Box::pin(async { Ok(sent.await?) })
+    }
+}
 
 /// Why no client can be made of what the user gave.
 #[derive(Debug, thiserror::Error)]

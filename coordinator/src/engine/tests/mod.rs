@@ -57,7 +57,7 @@ use std::{
 use tempfile::TempDir;
 
 /// A floor and a lamp.
-const OBJ: &str = "mtllib r.mtl
+pub(crate) const OBJ: &str = "mtllib r.mtl
 v 0 0 0
 v 4 0 0
 v 4 0 -4
@@ -77,10 +77,10 @@ o lamp
 usemtl light
 f 5/1 6/2 7/3 8/4
 ";
-const MTL: &str = "newmtl grey\nKd 0.5 0.5 0.5\nnewmtl light\nKd 0 0 0\nKe 5 5 5\n";
+pub(crate) const MTL: &str = "newmtl grey\nKd 0.5 0.5 0.5\nnewmtl light\nKd 0 0 0\nKe 5 5 5\n";
 
 /// The segment of a tile: 12 bytes that name it, and one number that stands for light.
-fn segment(phase: Phase, tile: u64, light: f32) -> Vec<u8> {
+pub(crate) fn segment(phase: Phase, tile: u64, light: f32) -> Vec<u8> {
     let mut bytes = format!("{:<4}", if phase == Phase::Probe { "PRB" } else { "BAK" }).into_bytes();
     bytes.extend(tile.to_le_bytes());
     bytes.extend(light.to_le_bytes());
@@ -88,7 +88,7 @@ fn segment(phase: Phase, tile: u64, light: f32) -> Vec<u8> {
 }
 
 /// Real import and plan; segments as above; a package that is the segments one after another.
-struct Toy;
+pub(crate) struct Toy;
 
 impl Pipeline for Toy {
     fn import(&self, files: Vec<(String, PathBuf)>, options: &ImportOptions, scratch: &Path) -> Result<Imported, Vec<Problem>> {
@@ -245,7 +245,7 @@ async fn upload(engine: &Engine, files: &[(&str, &str)]) -> SceneRecord {
     engine.add_scene(files.iter().map(spool).collect(), ImportOptions::default(), None).await.unwrap()
 }
 
-async fn ready_scene(engine: &Engine) -> SceneRecord {
+pub(crate) async fn ready_scene(engine: &Engine) -> SceneRecord {
     let record = upload(engine, &[("room/r.obj", OBJ), ("room/r.mtl", MTL)]).await;
     let record = engine.wait_for_scene(record.id, Duration::from_secs(30)).await.unwrap();
     assert_eq!(record.state, SceneState::Ready, "{:?}", record.problems);
@@ -253,7 +253,7 @@ async fn ready_scene(engine: &Engine) -> SceneRecord {
 }
 
 /// A job of 20 tiles on the floor and 5 on the lamp, at 40 texels a metre.
-fn new_job(scene: &SceneRecord) -> NewJob {
+pub(crate) fn new_job(scene: &SceneRecord) -> NewJob {
     let settings = SettingsPatch { texels_per_metre: Some(40.0), ..SettingsPatch::default() };
     let labels = [("who".to_owned(), "test".to_owned())].into();
     NewJob { scene: scene.id.to_string(), settings, labels, ..NewJob::default() }
@@ -340,7 +340,7 @@ fn chunk(phase: Phase, tiles: &[u64]) -> Vec<u8> {
     pack(&tiles.iter().map(|t| (*t, segment(phase, *t, 0.5))).collect::<Vec<_>>())
 }
 
-async fn read_all(engine: &Engine, job: JobId, path: &str) -> Vec<u8> {
+pub(crate) async fn read_all(engine: &Engine, job: JobId, path: &str) -> Vec<u8> {
     let download = engine.read_package_file(job, path, None).await.unwrap();
     download
         .stream
@@ -353,7 +353,7 @@ async fn read_all(engine: &Engine, job: JobId, path: &str) -> Vec<u8> {
 }
 
 /// Waits for a state that the engine reaches by itself.
-async fn until(engine: &Engine, job: JobId, wanted: JobState) -> JobRecord {
+pub(crate) async fn until(engine: &Engine, job: JobId, wanted: JobState) -> JobRecord {
     let mut seen = 0;
     loop {
         let record = engine.job(job).await.unwrap();

@@ -6,6 +6,7 @@ mod package;
 mod page;
 mod preview;
 mod repeats;
+mod simulated;
 mod surface;
 mod tcp;
 mod tls;

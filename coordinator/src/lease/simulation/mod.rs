@@ -36,10 +36,10 @@ enum Slip {
 
 /// SplitMix64 (Steele, Lea and Flood 2014): enough for schedules.
 #[derive(Debug, Clone)]
-struct Dice(u64);
+pub(crate) struct Dice(pub(crate) u64);
 
 impl Dice {
-    fn roll(&mut self, n: u64) -> u64 {
+    pub(crate) fn roll(&mut self, n: u64) -> u64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.0;
         z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -48,12 +48,12 @@ impl Dice {
     }
 
     /// Once in `n` times.
-    fn once_in(&mut self, n: u64) -> bool {
+    pub(crate) fn once_in(&mut self, n: u64) -> bool {
         self.roll(n) == 0
     }
 
     /// One of `n` things; `None` where there is none.
-    fn pick(&mut self, n: usize) -> Option<usize> {
+    pub(crate) fn pick(&mut self, n: usize) -> Option<usize> {
         (n > 0).then(|| self.roll(n as u64) as usize)
     }
 }
