@@ -3,7 +3,7 @@
 //! A child learns that its parent is gone by the end of its standard input, also when the parent was killed without a word: no worker is
 //! left behind. The alternative, a parent-death signal, exists on Linux alone and fires when the *thread* that forked ends.
 
-use crate::error::CommandError;
+use crate::{error::CommandError, telemetry};
 use kiln_proto::secret::Secret;
 use std::{
     path::{Path, PathBuf},
@@ -64,6 +64,7 @@ fn spawn(order: &Order) -> Result<Child, CommandError> {
     command.args(["work", "--join", &order.url, "--until-stdin-closes", "--threads", &order.threads.to_string()]);
     command.arg("--spool").arg(&order.spool);
     command.env("KILN_TOKEN", order.token.expose()).env_remove("KILN_CA");
+    command.envs(telemetry::environment().iter().map(|(name, value)| (name, value)));
     // A process group of its own: Ctrl-C reaches the parent, and the parent drains its workers.
     command.stdin(Stdio::piped()).stdout(Stdio::null()).kill_on_drop(true).process_group(0);
     command.spawn().map_err(|e| CommandError::from_error("cannot start a worker", &e))

@@ -37,7 +37,7 @@ pub struct ServeArgs {
     #[arg(long, value_name = "N")]
     threads: Option<u32>,
     /// The share of tiles that two workers bake, so that their bytes can be compared, in [0, 1]; a job may ask for another [default: 0]
-    #[arg(long, value_name = "SHARE")]
+    #[arg(long, value_name = "SHARE", value_parser = crate::submit::share)]
     verify: Option<f64>,
     /// Leases that the jobs of one token hold at a time, at most; without tokens, each job [default: no bound]
     #[arg(long, value_name = "N")]

@@ -36,7 +36,7 @@ pub struct SubmitArgs {
     #[arg(long, value_name = "N", default_value_t = 0, allow_hyphen_values = true)]
     priority: i32,
     /// The share of its tiles that two workers bake, so that their bytes can be compared, in [0, 1]; the service's own where nothing is said
-    #[arg(long, value_name = "SHARE")]
+    #[arg(long, value_name = "SHARE", value_parser = share)]
     verify: Option<f64>,
     /// A label for your own use; may be repeated
     #[arg(long, value_name = "KEY=VALUE", value_parser = label)]
@@ -59,6 +59,12 @@ pub struct PoisonArgs {
     /// lists such holes and fills them from beside)
     #[arg(long, value_name = "WHAT", value_parser = word::<OnPoison>, default_value = OnPoison::Fail.name())]
     pub on_poison: OnPoison,
+}
+
+/// A share in [0, 1].
+pub fn share(text: &str) -> Result<f64, String> {
+    let share = text.parse().ok().filter(|share| (0.0..=1.0).contains(share));
+    share.ok_or_else(|| format!("`{text}`: expected a share between 0 and 1, such as 0.01"))
 }
 
 fn label(text: &str) -> Result<(String, String), String> {

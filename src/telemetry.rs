@@ -10,7 +10,7 @@ use opentelemetry::trace::TracerProvider;
 use opentelemetry_otlp::{WithExportConfig, WithHttpConfig};
 use opentelemetry_sdk::{Resource, trace::SdkTracerProvider};
 use reqwest::Url;
-use std::time::Duration;
+use std::{sync::OnceLock, time::Duration};
 use tracing_subscriber::{
     EnvFilter, Layer,
     filter::{LevelFilter, Targets},
@@ -32,7 +32,7 @@ pub struct TelemetryArgs {
     log_format: Format,
     /// Send spans of requests, tasks and attempts to this OTLP/HTTP collector, such as http://127.0.0.1:4318
     #[arg(long, global = true, value_name = "URL", env = "OTEL_EXPORTER_OTLP_ENDPOINT")]
-    otlp: Option<Url>,
+    otlp: Option<String>,
 }
 
 /// How log lines look.
@@ -42,6 +42,14 @@ enum Format {
     Text,
     /// One JSON object a line.
     Json,
+}
+
+/// What was said of logs and spans, as the environment of processes that this one starts.
+static SAID: OnceLock<Vec<(&'static str, String)>> = OnceLock::new();
+
+/// The environment in which another `kiln` logs and traces as this one does.
+pub fn environment() -> &'static [(&'static str, String)] {
+    SAID.get().map_or(&[], Vec::as_slice)
 }
 
 /// Logging and tracing while it lives; what has not been sent yet is sent when it goes.
@@ -62,23 +70,39 @@ impl TelemetryArgs {
             Format::Text => lines.boxed(),
             Format::Json => lines.json().flatten_event(true).boxed(),
         };
-        let spans = self.otlp.as_ref().map(|url| provider(url, service)).transpose()?;
+        // An empty variable is none, says the specification of OpenTelemetry.
+        let collector = self.otlp.as_deref().filter(|url| !url.is_empty());
+        let spans = collector.map(|url| provider(url, service)).transpose()?;
         let traced = spans.as_ref().map(|spans| {
             let ours = ["kiln", "kiln_coordinator", "kiln_worker"].map(|target| (target, LevelFilter::INFO));
             tracing_opentelemetry::layer().with_tracer(spans.tracer(service)).with_filter(Targets::new().with_targets(ours))
         });
+        SAID.get_or_init(|| self.said());
         tracing_subscriber::registry().with(lines.with_filter(filter)).with(traced).init();
         Ok(Telemetry { spans })
     }
+
+    fn said(&self) -> Vec<(&'static str, String)> {
+        let format = match self.log_format {
+            Format::Text => "text",
+            Format::Json => "json",
+        };
+        let said = [
+            ("KILN_LOG", self.log.clone()),
+            ("KILN_LOG_FORMAT", Some(format.to_owned())),
+            ("OTEL_EXPORTER_OTLP_ENDPOINT", self.otlp.clone()),
+        ];
+        said.into_iter().filter_map(|(name, value)| Some((name, value?))).collect()
+    }
 }
 
-fn provider(url: &Url, service: &'static str) -> Result<SdkTracerProvider, CommandError> {
+fn provider(url: &str, service: &'static str) -> Result<SdkTracerProvider, CommandError> {
     let wrong = |why: String| CommandError::usage(format!("--otlp {url}: {why}"));
-    if !matches!(url.scheme(), "http" | "https") {
+    if !Url::parse(url).is_ok_and(|url| matches!(url.scheme(), "http" | "https")) {
         return Err(wrong("expected http://HOST:4318 or https://HOST, the address of an OTLP/HTTP collector".into()));
     }
     // The specification has exporters add the path of each signal to the one endpoint.
-    let endpoint = format!("{}/v1/traces", url.as_str().trim_end_matches('/'));
+    let endpoint = format!("{}/v1/traces", url.trim_end_matches('/'));
     let client = reqwest::blocking::Client::builder().timeout(PATIENCE).build().map_err(|e| wrong(chain(&e)))?;
     let exporter = opentelemetry_otlp::SpanExporter::builder().with_http().with_http_client(client).with_endpoint(endpoint);
     let exporter = exporter.with_timeout(PATIENCE).build().map_err(|e| wrong(chain(&e)))?;

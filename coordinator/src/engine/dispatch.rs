@@ -34,9 +34,9 @@ use tokio::{
 /// Workers served in one transaction, at most.
 const MOST: usize = 64;
 
-/// Looks in a row that lead to no lease before the workers wait: what is pending was taken by others each time, or is what these workers have
+/// Offers of one job in vain before a worker waits for the next look: what was offered was taken by others each time, or is what this worker has
 /// failed and another must try.
-const ROUNDS: u32 = 3;
+pub(super) const TRIES: usize = 3;
 
 /// How often late attempts are looked for while workers are idle.
 const TWINS_EVERY: Duration = Duration::from_millis(500);
@@ -186,8 +186,7 @@ async fn serve_all(core: &Arc<Core>) {
 
 /// Serves workers of one bake version; those for whom there is nothing come back.
 async fn serve(core: &Arc<Core>, mut waiting: Vec<Waiting>) -> Result<Vec<Waiting>, (Vec<Waiting>, EngineError)> {
-    let mut in_vain = 0;
-    while !waiting.is_empty() && in_vain < ROUNDS {
+    while !waiting.is_empty() {
         let offers = match offers::of_work(core, &waiting).await {
             Ok(offers) => offers,
             Err(error) => return Err((waiting, error)),
@@ -195,9 +194,8 @@ async fn serve(core: &Arc<Core>, mut waiting: Vec<Waiting>) -> Result<Vec<Waitin
         if offers.iter().all(Option::is_none) {
             break;
         }
-        let before = waiting.len();
+        // It ends: whoever gets nothing has a try less.
         waiting = grant(core, waiting, offers).await?;
-        in_vain = if waiting.len() < before { 0 } else { in_vain + 1 };
     }
     if waiting.is_empty() || !core.dispatch.may_look_for_twins() {
         return Ok(waiting);

@@ -27,6 +27,17 @@ fn not_found(job: JobId) -> EngineError {
 /// Jobs in one answer, at most.
 const PAGE: u32 = 1_000;
 
+/// Whether a share of tiles that two workers bake is one.
+///
+/// # Errors
+/// [`EngineError::Invalid`] outside [0, 1].
+pub fn check_share(verify: Option<f64>) -> Result<(), EngineError> {
+    if verify.is_none_or(|share| (0.0..=1.0).contains(&share)) {
+        return Ok(());
+    }
+    Err(EngineError::invalid("verify: the share of tiles that two workers bake lies between 0 and 1"))
+}
+
 impl Engine {
     /// Creates a job for `by`, of a scene that `by` sees. The scene may still be importing.
     ///
@@ -65,9 +76,7 @@ impl Engine {
 
     async fn validate(&self, new: &NewJob, by: &Principal) -> Result<(SceneRow, BakeSettings), EngineError> {
         let settings = new.settings.resolve().map_err(|e| EngineError::invalid(e.to_string()))?;
-        if new.verify.is_some_and(|share| !(0.0..=1.0).contains(&share)) {
-            return Err(EngineError::invalid("verify: the share of tiles that two workers bake lies between 0 and 1"));
-        }
+        check_share(new.verify)?;
         new.webhook.as_deref().map_or(Ok(()), |address| self.check_webhook(address))?;
         let long = |text: &String| text.len() > limits::NAME_BYTES;
         if new.labels.len() > LABELS || new.labels.iter().any(|(k, v)| long(k) || long(v)) {

@@ -3,7 +3,11 @@
 //! All that wait are looked at in one go. The ledger says for each whose work goes next, so that jobs share the farm lease by lease and not
 //! batch by batch. An offer is a wish: the store may find that somebody else was quicker.
 
-use super::{EngineError, core::Core, dispatch::Waiting};
+use super::{
+    EngineError,
+    core::Core,
+    dispatch::{TRIES, Waiting},
+};
 use crate::{
     config::LeaseOrder,
     lease::{Claim, Field, Kind, Running, Sizing, run_length},
@@ -99,7 +103,8 @@ impl Market {
     /// The job that goes next for a worker, and where its claim is.
     fn choose(&self, core: &Core, one: &Waiting) -> Option<(usize, JobId)> {
         let claim = |c: &ClaimRow| {
-            let pending = if one.in_vain.contains(&c.job) { 0 } else { c.waiting + c.unasked };
+            let tried = one.in_vain.iter().filter(|job| **job == c.job).count();
+            let pending = if tried >= TRIES { 0 } else { c.waiting + c.unasked };
             Claim { job: c.job, priority: c.priority, pending, leased: c.leased, owner: c.owner }
         };
         let claims: Vec<Claim> = self.claims.iter().map(claim).collect();

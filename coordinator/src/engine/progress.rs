@@ -47,11 +47,21 @@ impl Moment {
         };
         let mut ahead: Vec<&ClaimRow> = self.claims.get(&of.spec.bake_version).into_iter().flatten().filter(before).collect();
         ahead.sort_by_key(|c| (std::cmp::Reverse(c.priority), c.job));
-        ahead.iter().map(|c| Ahead { job: c.job, tiles: c.waiting + c.unasked }).collect()
+        // Whose jobs are not seen are not named either.
+        let named = |c: &ClaimRow| (c.owner == of.spec.owner).then_some(c.job);
+        ahead.iter().map(|c| Ahead { job: named(c), tiles: c.waiting + c.unasked }).collect()
+    }
+
+    /// Leases that the token of a job holds, where it may hold no more.
+    fn bound(&self, of: &JobRow, most: Option<u64>) -> Option<(u64, u64)> {
+        let owner = of.spec.owner?;
+        let claims = self.claims.get(&of.spec.bake_version).into_iter().flatten();
+        let held = claims.filter(|c| c.owner == Some(owner)).map(|c| c.leased).sum();
+        most.filter(|most| held >= *most).map(|most| (held, most))
     }
 
     /// Why a job does not get on.
-    fn why(&self, row: &JobRow) -> Option<String> {
+    fn why(&self, row: &JobRow, most: Option<u64>) -> Option<String> {
         let version = row.spec.bake_version;
         let left = match &row.state {
             Job::Baking { left, .. } | Job::Paused { left, .. } => *left,
@@ -73,6 +83,7 @@ impl Moment {
             checks: row.unchecked,
             quarantined,
             ahead: &self.ahead(row),
+            bound: self.bound(row, most),
         })
     }
 }
@@ -91,7 +102,7 @@ pub(super) async fn one(core: &Core, row: JobRow) -> Result<JobRecord, StoreErro
 
 fn record(core: &Core, moment: &Moment, row: JobRow) -> JobRecord {
     let rates = core.meter().rates(row.spec.id, core.now());
-    let waiting = moment.why(&row);
+    let waiting = moment.why(&row, core.config.lease.per_token);
     let baking = matches!(row.state, Job::Baking { .. });
     let (cost, cost_done) = row.cost;
     let fraction = match row.state {

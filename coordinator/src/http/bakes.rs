@@ -14,6 +14,7 @@ use super::{
 };
 use crate::{
     auth::audit::Action,
+    engine::check_share,
     job::OnPoison,
     records::{JobRecord, NewJob, SceneRecord},
 };
@@ -79,6 +80,7 @@ pub(super) async fn create(
     let options = query.options()?;
     let given = query.settings.as_deref().map(|text| parse(text.as_bytes())).transpose()?;
     query.webhook.as_deref().map_or(Ok(()), |address| app.engine.check_webhook(address))?;
+    check_share(query.verify)?;
     let mut upload = Upload::receive(&app.engine, request, query.name.as_deref()).await?;
     let part = upload.settings.take().map(|json| parse(&json)).transpose()?;
     if given.is_some() && part.is_some() {

@@ -30,13 +30,15 @@ pub struct Facts<'a> {
     pub quarantined: u64,
     /// Jobs that go first, the next one first.
     pub ahead: &'a [Ahead],
+    /// Leases that the job's token holds, and how many it may, where that is all of them.
+    pub bound: Option<(u64, u64)>,
 }
 
 /// A job that goes first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Ahead {
-    /// Which.
-    pub job: JobId,
+    /// Which; nothing where it is somebody else's, who may not want to be known.
+    pub job: Option<JobId>,
     /// Its tiles that wait.
     pub tiles: u64,
 }
@@ -82,7 +84,10 @@ fn baking(facts: &Facts<'_>) -> Option<String> {
         (0, 0) => None,
         (0, 1) => Some("it waits for the last tile that is leased".into()),
         (0, leased) => Some(format!("it waits for the last {leased} tiles, which are leased")),
-        (_, 0) => Some(behind(facts, able)),
+        (_, 0) => Some(match facts.bound {
+            Some((held, most)) => format!("its token holds {held} leases already, and may hold {most} at a time"),
+            None => behind(facts, able),
+        }),
         _ => None,
     }
 }
@@ -105,12 +110,16 @@ fn nobody(facts: &Facts<'_>) -> String {
 fn behind(facts: &Facts<'_>, able: u64) -> String {
     match facts.ahead {
         [] => format!("{able} {} connected, and none has taken a tile of it yet", if able == 1 { "worker is" } else { "workers are" }),
-        [one] => format!("job {} goes first: {} wait there", one.job, tiles(one.tiles)),
+        [one] => format!("{} goes first: {} to do there", name(one), tiles(one.tiles)),
         [first, ..] => {
             let all = facts.ahead.iter().map(|a| a.tiles).sum();
-            format!("{} jobs go first, job {} the next of them: {} wait there", facts.ahead.len(), first.job, tiles(all))
+            format!("{} jobs go first, {} the next of them: {} to do there", facts.ahead.len(), name(first), tiles(all))
         }
     }
+}
+
+fn name(ahead: &Ahead) -> String {
+    ahead.job.map_or_else(|| "somebody else's job".into(), |job| format!("job {job}"))
 }
 
 fn tiles(n: u64) -> String {
@@ -130,7 +139,8 @@ mod tests {
     #[test]
     fn the_first_cause_is_told() {
         let (none, some, other) = (BTreeMap::new(), BTreeMap::from([(1, 3)]), BTreeMap::from([(2, 3), (4, 1)]));
-        let [a, b] = [7, 8].map(|n| Ahead { job: JobId(Uuid::from_u128(n)), tiles: 5 });
+        let [a, b] = [7, 8].map(|n| Ahead { job: Some(JobId(Uuid::from_u128(n))), tiles: 5 });
+        let stranger = Ahead { job: None, tiles: 1 };
         let failed = |retry| Job::Failed { problem: Problem::new("no"), retry };
         let stopped = failed(Some(Retry { phase: Phase::Bake, left: 2, surfaces: 1 }));
         let broken = failed(None);
@@ -148,9 +158,11 @@ mod tests {
             checks: 0,
             quarantined: 0,
             ahead: &[],
+            bound: None,
         };
-        let queue = format!("2 jobs go first, job {} the next of them: 10 tiles wait there", a.job);
-        let one = format!("job {} goes first: 5 tiles wait there", a.job);
+        let id = a.job.unwrap();
+        let queue = format!("2 jobs go first, job {id} the next of them: 10 tiles to do there");
+        let one = format!("job {id} goes first: 5 tiles to do there");
         let table: &[(Facts<'_>, Option<&str>)] = &[
             (Facts { state: &Job::Queued, ..base }, Some("its scene is being imported")),
             (Facts { state: &Job::Preparing, ..base }, Some("it is being prepared: its surfaces are laid out and cut into tiles")),
@@ -170,6 +182,8 @@ mod tests {
             ),
             (Facts { ahead: &[a], ..base }, Some(&one)),
             (Facts { ahead: &[a, b], ..base }, Some(&queue)),
+            (Facts { ahead: &[stranger], ..base }, Some("somebody else's job goes first: 1 tile to do there")),
+            (Facts { ahead: &[a], bound: Some((2, 2)), ..base }, Some("its token holds 2 leases already, and may hold 2 at a time")),
             (base, Some("3 workers are connected, and none has taken a tile of it yet")),
             (Facts { pending: 0, leased: 1, ..base }, Some("it waits for the last tile that is leased")),
             (Facts { pending: 0, leased: 5, ..base }, Some("it waits for the last 5 tiles, which are leased")),

@@ -45,8 +45,8 @@ pub enum Verdict {
     Unsettled,
 }
 
-/// The tiles of a shard that are done and not yet believed. As text: `17:WORKER=DIGEST+WORKER=DIGEST>WORKER`, where the worker behind `>`
-/// is the one that bakes the tile just now to check it.
+/// The tiles of a shard that are done and not yet believed. As text: `17:WORKER=DIGEST+WORKER=DIGEST>WORKER!WORKER`, where the worker
+/// behind `>` is the one that bakes the tile just now to check it, and those behind `!` could not.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Checks(BTreeMap<TileIndex, Check>);
 
@@ -56,6 +56,8 @@ struct Check {
     opinions: Vec<(WorkerId, Digest)>,
     /// Who is asked.
     asked: Option<WorkerId>,
+    /// Who was asked and could not say. Nobody is asked twice.
+    failed: Vec<WorkerId>,
 }
 
 impl Checks {
@@ -63,6 +65,13 @@ impl Checks {
     #[must_use]
     pub fn tiles(&self) -> TileRuns {
         self.0.keys().copied().collect()
+    }
+
+    /// Tiles of which workers have different bytes.
+    #[must_use]
+    pub fn disputed(&self) -> TileRuns {
+        let differ = |check: &Check| check.opinions.windows(2).any(|pair| pair[0].1 != pair[1].1);
+        self.0.iter().filter(|(_, check)| differ(check)).map(|(tile, _)| *tile).collect()
     }
 
     /// How many of them nobody is asked about.
@@ -85,7 +94,7 @@ impl Checks {
 
     /// A tile that is to be checked was accepted.
     pub fn open(&mut self, tile: TileIndex, worker: WorkerId, digest: Digest) {
-        self.0.insert(tile, Check { opinions: vec![(worker, digest)], asked: None });
+        self.0.insert(tile, Check { opinions: vec![(worker, digest)], asked: None, failed: vec![] });
     }
 
     /// A tile for this worker to check: one that it has not baked.
@@ -99,6 +108,17 @@ impl Checks {
     pub fn give_back(&mut self, tile: TileIndex) {
         if let Some(check) = self.0.get_mut(&tile) {
             check.asked = None;
+        }
+    }
+
+    /// The one that was asked could not bake the tile, or fell silent over it: another worker is asked. Without this a worker that is the
+    /// only one left to ask would be asked for ever.
+    pub fn fail(&mut self, tile: TileIndex, worker: WorkerId) {
+        if let Some(check) = self.0.get_mut(&tile) {
+            check.asked = None;
+            if check.is_open_to(worker) {
+                check.failed.push(worker);
+            }
         }
     }
 
@@ -122,8 +142,12 @@ impl Checks {
     }
 
     /// Lets tiles count that none of the connected workers can check, because each has baked them: with one worker there is no second
-    /// opinion. Ask only when nothing else of the phase is left to do. The tiles, none of which was checked.
+    /// opinion. Ask only when nothing else of the phase is left to do. While nobody is connected somebody may come. The tiles, none of
+    /// which was confirmed.
     pub fn waive(&mut self, connected: &[WorkerId]) -> TileRuns {
+        if connected.is_empty() {
+            return TileRuns::new();
+        }
         let hopeless = |check: &Check| check.asked.is_none() && !connected.iter().any(|worker| check.is_open_to(*worker));
         let waived: TileRuns = self.0.iter().filter(|(_, check)| hopeless(check)).map(|(tile, _)| *tile).collect();
         self.0.retain(|tile, _| !waived.contains(*tile));
@@ -149,7 +173,8 @@ impl Checks {
 
 impl Check {
     fn is_open_to(&self, worker: WorkerId) -> bool {
-        !Rule::OtherJudge.holds() || self.opinions.iter().all(|(by, _)| *by != worker)
+        let is_new = !Rule::OtherJudge.holds() || self.opinions.iter().all(|(by, _)| *by != worker);
+        is_new && !self.failed.contains(&worker)
     }
 
     fn verdict(&self) -> Verdict {
@@ -171,6 +196,7 @@ impl fmt::Display for Checks {
                 write!(f, "{}{worker}={digest}", if k == 0 { "" } else { "+" })?;
             }
             check.asked.iter().try_for_each(|worker| write!(f, ">{worker}"))?;
+            check.failed.iter().try_for_each(|worker| write!(f, "!{worker}"))?;
         }
         Ok(())
     }
@@ -189,6 +215,8 @@ impl FromStr for Checks {
 
 fn parse(part: &str) -> Option<(TileIndex, Check)> {
     let (tile, rest) = part.split_once(':')?;
+    let mut rest = rest.split('!');
+    let (rest, failed) = (rest.next()?, rest.map(|worker| worker.parse().ok()).collect::<Option<Vec<WorkerId>>>()?);
     let (opinions, asked) = rest.split_once('>').map_or((rest, None), |(opinions, asked)| (opinions, Some(asked)));
     let one = |text: &str| {
         let (worker, digest) = text.split_once('=')?;
@@ -196,7 +224,7 @@ fn parse(part: &str) -> Option<(TileIndex, Check)> {
     };
     let opinions: Option<Vec<(WorkerId, Digest)>> = opinions.split('+').map(one).collect();
     let asked = asked.map(|worker| worker.parse().ok()).map_or(Some(None), |worker| worker.map(Some))?;
-    Some((TileIndex(number(tile)?), Check { opinions: opinions?, asked }))
+    Some((TileIndex(number(tile)?), Check { opinions: opinions?, asked, failed }))
 }
 
 #[cfg(test)]
@@ -247,6 +275,9 @@ mod tests {
         assert_eq!((checks.take(worker(1)), checks.take(worker(2))), (Some(tile), None));
         checks.give_back(tile);
         assert_eq!(checks.take(worker(2)), Some(tile));
+        checks.fail(tile, worker(2));
+        assert_eq!((checks.take(worker(2)), checks.unasked()), (None, 1), "it has shown that it cannot");
+        assert!(checks.clone().waive(&[worker(0), worker(2)]).contains(tile), "nobody is left to ask");
         assert_eq!(checks.hear(tile, worker(0), bytes(1)), Verdict::Open, "its own word is no second one");
         assert_eq!(checks.hear(tile, worker(1), bytes(1)), Verdict::Right(vec![]), "late, and as good");
         assert_eq!(checks.hear(tile, worker(2), bytes(1)), Verdict::Open, "nobody asks any more");
@@ -295,6 +326,8 @@ mod tests {
         checks.take(worker(2));
         let (one, two, digest) = (worker(1), worker(2), "ab".repeat(32));
         assert_eq!(checks.to_string(), format!("17:{one}={digest}>{two}"));
+        checks.fail(TileIndex(17), two);
+        assert_eq!(checks.to_string(), format!("17:{one}={digest}!{two}"));
         for bad in ["17", "17:", &format!("17:{one}={digest}>"), &format!("017:{one}={digest}"), &format!("17:{one}={digest},")] {
             assert!(bad.parse::<Checks>().is_err(), "{bad}");
         }
@@ -302,12 +335,13 @@ mod tests {
 
     proptest! {
         #[test]
-        fn checks_survive_their_text(list in prop::collection::vec((0u64..6, 0u128..4, 0u8..9, 0u8..3), 0..20)) {
+        fn checks_survive_their_text(list in prop::collection::vec((0u64..6, 0u128..4, 0u8..9, 0u8..4), 0..20)) {
             let mut checks = Checks::default();
             for (tile, by, say, what) in list {
                 match what {
                     0 => checks.open(TileIndex(tile), worker(by), bytes(say)),
                     1 => drop(checks.take(worker(by))),
+                    2 => checks.fail(TileIndex(tile), worker(by)),
                     _ => drop(checks.hear(TileIndex(tile), worker(by), bytes(say))),
                 }
             }

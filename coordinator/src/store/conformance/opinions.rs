@@ -54,7 +54,7 @@ async fn row(store: &dyn Store, job: JobId) -> crate::store::JobRow {
 }
 
 pub(super) async fn a_tile_counts_when_another_worker_agrees(store: &dyn Store) {
-    let (job, [a, b]) = (verified(store, 3).await, crew(store).await);
+    let (job, [a, b, c]) = (verified(store, 3).await, crew(store).await);
     bake(store, job, a, 3, "").await;
     let now = row(store, job).await;
     assert_eq!((now.tiles, now.unchecked, now.pending), ((3, 3), 3, 0));
@@ -66,9 +66,11 @@ pub(super) async fn a_tile_counts_when_another_worker_agrees(store: &dyn Store) 
     assert_eq!(store.claims(1).await.unwrap()[0].unasked, 2);
     store.finish_attempt(lease.token, LeaseEvent::Fail, None, NOW).await.unwrap();
     assert_eq!(store.claims(1).await.unwrap()[0].unasked, 3);
-    for tile in 0..3 {
+    // Who could not bake a tile is not asked about it again.
+    for tile in [1, 2] {
         assert_eq!(check(store, job, b, "").await, Some(tile));
     }
+    assert_eq!((check(store, job, b, "").await, check(store, job, c, "").await), (None, Some(0)));
     let now = row(store, job).await;
     assert!(matches!(now.state, Job::Baking { left: 0, .. }), "{:?}", now.state);
     assert_eq!((now.tiles, now.unchecked), ((3, 3), 0));
@@ -106,10 +108,13 @@ pub(super) async fn a_lie_about_others_is_found_too(store: &dyn Store) {
 }
 
 pub(super) async fn checks_that_nobody_can_make_are_waived(store: &dyn Store) {
-    let (job, [a, _b]) = (verified(store, 2).await, crew(store).await);
+    let (job, [a, b]) = (verified(store, 2).await, crew(store).await);
     bake(store, job, a, 2, "").await;
-    assert_eq!(store.waive_checks(NOW).await.unwrap(), 0, "another worker is there");
-    let later = NOW + 1_000_000;
+    let soon = NOW + 1_000_000;
+    store.heard_workers(&[(a, soon), (b, soon)]).await.unwrap();
+    assert_eq!(store.waive_checks(soon).await.unwrap(), 0, "another worker is there");
+    let later = soon + 1_000_000;
+    assert_eq!(store.waive_checks(later).await.unwrap(), 0, "nobody is there, and somebody may come");
     store.heard_workers(&[(a, later)]).await.unwrap();
     assert_eq!(store.waive_checks(later).await.unwrap(), 2, "only whoever baked them is left");
     assert!(matches!(row(store, job).await.state, Job::Baking { left: 0, .. }));

@@ -261,7 +261,7 @@ impl Store for SqlStore {
     }
 
     async fn waive_checks(&self, now: UnixMillis) -> Result<u64, StoreError> {
-        let (jobs, mut waived) = (late::unchecked(&mut self.database.read().await?).await?, 0);
+        let (jobs, mut waived) = (late::unchecked(&mut self.database.read().await?, now).await?, 0);
         for job in jobs {
             waived += writing!(self.database, tx => late::waive(tx, job, now).await)?;
         }

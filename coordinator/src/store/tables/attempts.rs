@@ -74,8 +74,9 @@ pub(super) async fn happen(
     save(c, token, row, now).await?;
     for action in actions {
         match action {
-            Action::Suspect(tiles) if row.kind != Kind::Check => poison::suspect(c, row, &tiles, reason, now).await?,
-            Action::Return(tiles) | Action::Suspect(tiles) => hand_back(c, row, &tiles).await?,
+            Action::Suspect(_) if row.kind == Kind::Check => poison::no_opinion(c, row).await?,
+            Action::Suspect(tiles) => poison::suspect(c, row, &tiles, reason, now).await?,
+            Action::Return(tiles) => hand_back(c, row, &tiles).await?,
         }
     }
     Ok(Ok(()))
@@ -120,6 +121,9 @@ pub(super) async fn overtake(c: &mut Tx, by: Token, of: &AttemptRow, tiles: &Til
         if let Ok((state, _)) = other.state.clone().apply(lease::Event::Overtaken(tiles.clone()), now) {
             other.state = state;
             save(c, token, &other, now).await?;
+            if other.state == Attempt::Fenced {
+                workers::contribute(c, token, &other, None, now).await?;
+            }
         }
     }
     Ok(())

@@ -15,7 +15,7 @@ use kiln_proto::{
     tile::{TileIndex, TileRun, TileRuns},
     wire::message::Phase,
 };
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeMap, BTreeSet, btree_map::Entry};
 
 /// Records leases. Tiles that wait: of each what is pending of its run, or of the first run of its shard where that is gone, so that
 /// coordinators that look at the same shard send nobody away. A twin: the run, where the late attempt still owes all of it. A check: any
@@ -51,12 +51,13 @@ async fn work(
     for (at, grant) in grants.iter().enumerate().filter(|(_, g)| g.kind == Kind::Work && !barred.contains(&g.worker)) {
         of_shard.entry((grant.job, grant.phase, shard_of(TileIndex(grant.run.start)))).or_default().push(at);
     }
-    if of_shard.is_empty() {
-        return Ok(());
-    }
-    let connected = workers::connected(c, None, now).await?;
+    let mut connected = BTreeMap::new();
     for ((job, phase, index), wanted) in of_shard {
         let Some(mut shard) = shards::lock(c, job, phase, index).await? else { continue };
+        let connected = match connected.entry(job) {
+            Entry::Occupied(known) => *known.get(),
+            Entry::Vacant(unknown) => *unknown.insert(workers::connected(c, job, now).await?),
+        };
         for &at in &wanted {
             let Grant { worker, run, .. } = grants[at];
             granted[at] = shard.take(TileIndex(run.start), run.len(), &shard.charges.avoided(worker, connected));

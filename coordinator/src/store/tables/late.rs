@@ -43,7 +43,7 @@ async fn of_job(c: &mut Tx, candidate: Candidate, now: UnixMillis) -> Result<Opt
         candidate: Candidate { phase, ..candidate },
         running: rows.iter().filter_map(|row| running(row).transpose()).collect::<Result<_, StoreError>>()?,
         finished: finished.collect::<Result<_, StoreError>>()?,
-        workers: workers::connected(c, Some(candidate.job), now).await?,
+        workers: workers::connected(c, candidate.job, now).await?,
     }))
 }
 
@@ -64,30 +64,36 @@ fn running(row: &Row) -> Result<Option<Running>, StoreError> {
 }
 
 /// Jobs that wait for nothing but checks which nobody makes just now.
-pub(in super::super) async fn unchecked(c: &mut Tx) -> Result<Vec<JobId>, StoreError> {
+/// Nor was anything a while ago: a coordinator that was away, or a worker that restarts, must not cost the checks of everybody.
+pub(in super::super) async fn unchecked(c: &mut Tx, now: UnixMillis) -> Result<Vec<JobId>, StoreError> {
     let query = sql("SELECT id FROM jobs j WHERE public = 'baking'
          AND EXISTS (SELECT 1 FROM shards s WHERE s.job = j.id AND s.unchecked > 0)
          AND NOT EXISTS (SELECT 1 FROM shards s WHERE s.job = j.id AND s.waiting > 0)
-         AND NOT EXISTS (SELECT 1 FROM attempts a WHERE a.job = j.id AND a.state = 'held') ORDER BY id");
-    c.all(query).await?.iter().map(|row| parse("a job id", &row.text("id")?)).collect()
+         AND NOT EXISTS (SELECT 1 FROM attempts a WHERE a.job = j.id AND (a.state = 'held' OR a.ended > $1)) ORDER BY id");
+    c.all(query.bind(now - workers::SILENCE)).await?.iter().map(|row| parse("a job id", &row.text("id")?)).collect()
 }
 
 /// Lets tiles of a job count unchecked that no connected worker could check, because each has baked them. How many.
 pub(in super::super) async fn waive(c: &mut Tx, job: JobId, now: UnixMillis) -> Result<u64, StoreError> {
     jobs::lock(c, job).await?;
     let Some(phase) = jobs::state(c, job).await?.and_then(|(state, _)| state.phase()) else { return Ok(0) };
-    if !unchecked(c).await?.contains(&job) {
+    if !unchecked(c, now).await?.contains(&job) {
         return Ok(0);
     }
-    let (connected, mut waived) = (workers::present(c, job, now).await?, 0);
+    let (connected, mut waived, mut disputed) = (workers::present(c, job, now).await?, 0, 0);
     for (index, mut shard) in shards::unchecked(c, job, phase).await? {
         // Nothing is held: whoever was asked has gone.
         shard.checks.give_all_back();
-        waived += shard.checks.waive(&connected).len();
+        let open = shard.checks.disputed();
+        let tiles = shard.checks.waive(&connected);
+        (waived, disputed) = (waived + tiles.len(), disputed + tiles.intersection(&open).len());
         shards::save(c, job, phase, index, &shard).await?;
     }
     if waived > 0 {
-        let message = format!("verify: {waived} tiles of {phase} count unchecked: every worker that is connected has baked them itself");
+        let message = format!(
+            "verify: {waived} tiles of {phase} count unconfirmed, {disputed} of them although workers disagree: nobody is connected who \
+             could still be asked; the first bytes were kept"
+        );
         events::append(c, job, &EventKind::Problem { problem: Problem::new(message) }, now).await?;
         chunks::count(c, job, phase, waived, now).await?;
     }

@@ -23,7 +23,7 @@ use std::collections::BTreeMap;
 pub(super) async fn suspect(c: &mut Tx, of: &AttemptRow, rest: &TileRuns, reason: &str, now: UnixMillis) -> Result<(), StoreError> {
     let index = shard_of(TileIndex(of.run.start));
     let Some(mut shard) = shards::lock(c, of.job, of.phase, index).await? else { return Ok(()) };
-    let connected = workers::connected(c, Some(of.job), now).await?;
+    let connected = workers::connected(c, of.job, now).await?;
     let poison = shard.suspect(&Suspicion { leased: of.run, rest, worker: of.worker, connected });
     if let Some(tile) = poison {
         shard.charges.explain(tile, reason);
@@ -56,6 +56,14 @@ pub(in super::super) async fn holes(c: &mut Tx, job: JobId, phase: Phase, run: T
         found.extend(tiles.iter().map(|tile| (tile, lease::failures(&charges, tile))));
     }
     Ok(found)
+}
+
+/// A worker could not say what it was asked about a tile: another is asked.
+pub(super) async fn no_opinion(c: &mut Tx, of: &AttemptRow) -> Result<(), StoreError> {
+    let tile = TileIndex(of.run.start);
+    let Some(mut shard) = shards::lock(c, of.job, of.phase, shard_of(tile)).await? else { return Ok(()) };
+    shard.checks.fail(tile, of.worker);
+    shards::save(c, of.job, of.phase, shard_of(tile), &shard).await
 }
 
 /// The surface of a tile and its number among the tiles of that surface; nothing before the surfaces are laid out.

@@ -83,13 +83,13 @@ pub(in super::super) async fn heard(c: &mut Tx, workers: &[(WorkerId, UnixMillis
 }
 
 /// A worker that was not heard for this long is not connected, milliseconds: a lease's lifetime and a long poll.
-const SILENCE: i64 = 90_000;
+pub(super) const SILENCE: i64 = 90_000;
 
-/// Workers that are connected, not barred, and of the bake version of a job, where one is named.
-pub(super) async fn connected(c: &mut Tx, job: Option<JobId>, now: UnixMillis) -> Result<u64, StoreError> {
+/// How many workers could bake for a job.
+pub(super) async fn connected(c: &mut Tx, job: JobId, now: UnixMillis) -> Result<u64, StoreError> {
     let query = sql("SELECT COUNT(*) AS connected FROM workers WHERE seen >= $1 AND barred IS NULL
-         AND (CAST($2 AS TEXT) IS NULL OR bake_version = (SELECT bake_version FROM jobs WHERE id = $2))");
-    let row = c.one(query.bind(now - SILENCE).bind(job.map(|id| id.to_string()))).await?;
+         AND bake_version = (SELECT bake_version FROM jobs WHERE id = $2)");
+    let row = c.one(query.bind(now - SILENCE).bind(job.to_string())).await?;
     row.map_or(Ok(0), |row| row.count("connected"))
 }
 

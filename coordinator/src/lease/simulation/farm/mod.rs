@@ -225,8 +225,12 @@ impl Farm {
     fn suspect(&mut self, k: usize, tiles: &TileRuns) -> Promise {
         let lease = self.leases[k].clone();
         let bake = &mut self.jobs[lease.job];
-        if bake.open != Some(lease.phase) || lease.kind == Kind::Check {
-            self.give_back(k, tiles);
+        if bake.open != Some(lease.phase) {
+            return Ok(());
+        }
+        if lease.kind == Kind::Check {
+            let tile = TileIndex(lease.run.start);
+            bake.shard(tile).checks.fail(tile, lease.worker);
             return Ok(());
         }
         let connected = self.connected.len() as u64;
