@@ -31,7 +31,7 @@ const PAGE: u32 = 1_000;
 ///
 /// # Errors
 /// [`EngineError::Invalid`] outside [0, 1].
-pub fn check_share(verify: Option<f64>) -> Result<(), EngineError> {
+pub(crate) fn check_share(verify: Option<f64>) -> Result<(), EngineError> {
     if verify.is_none_or(|share| (0.0..=1.0).contains(&share)) {
         return Ok(());
     }

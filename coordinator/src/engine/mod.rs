@@ -45,6 +45,7 @@ pub use crate::{
     store::{EventPage, JobFilter},
 };
 pub use error::EngineError;
+pub(crate) use jobs::check_share;
 pub use live::LiveScene;
 pub use open::Parts;
 pub(crate) use open::private_folder;

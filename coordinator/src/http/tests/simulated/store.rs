@@ -90,6 +90,21 @@ in_place! { TokenStore {}
     job_owner(id: JobId) -> Option<Option<TokenId>>;
 }
 
+in_place! { RequestStore {}
+    claim_request(request: &NewRequest, now: UnixMillis) -> Claimed;
+    renew_request(claim: Token, deadline: UnixMillis) -> bool;
+    answer_request(claim: Token, answer: &KeptAnswer) -> bool;
+    release_request(claim: Token) -> bool;
+    forget_requests(before: UnixMillis) -> u64;
+}
+
+in_place! { RetentionStore {}
+    ended_jobs(before: UnixMillis) -> Vec<JobId>;
+    delete_ended_job(id: JobId, before: UnixMillis) -> bool;
+    unused_scenes(before: UnixMillis) -> Vec<Uuid>;
+    delete_unused_scene(id: Uuid, before: UnixMillis) -> bool;
+}
+
 in_place! { Store { fn is_shared(&self) -> bool { self.store.is_shared() } }
     clock() -> UnixMillis;
     hint(jobs: &[JobId]) -> ();
@@ -107,6 +122,7 @@ in_place! { Store { fn is_shared(&self) -> bool { self.store.is_shared() } }
     events(id: JobId, after: i64, limit: u32) -> Option<EventPage>;
     plan(digest: Digest) -> Option<BlobName>;
     take_task(token: Token, deadline: UnixMillis, now: UnixMillis) -> Option<TaskLease>;
+    take_notice(token: Token, deadline: UnixMillis, now: UnixMillis) -> Option<TaskLease>;
     renew_task(token: Token, deadline: UnixMillis) -> bool;
     finish_task(token: Token, result: &TaskResult, now: UnixMillis) -> bool;
     put_off_task(token: Token, why: &str, due: UnixMillis) -> bool;
@@ -115,7 +131,10 @@ in_place! { Store { fn is_shared(&self) -> bool { self.store.is_shared() } }
     worker(id: WorkerId) -> Option<WorkerRecord>;
     heard_workers(workers: &[(WorkerId, UnixMillis)]) -> ();
     workers(since: UnixMillis) -> Vec<WorkerRecord>;
-    next_work(bake_version: u32, most: usize) -> Vec<Candidate>;
+    claims(bake_version: u32) -> Vec<ClaimRow>;
+    next_work(job: JobId, most: usize) -> Vec<Candidate>;
+    late(bake_version: u32, now: UnixMillis) -> Vec<Late>;
+    waive_checks(now: UnixMillis) -> u64;
     grant(grants: &[Grant], now: UnixMillis) -> Vec<Option<TileRun>>;
     attempt(token: Token) -> Option<AttemptRow>;
     heartbeat(token: Token, beat: &Heartbeat, ttl: i64, now: UnixMillis) -> Option<AttemptRow>;
@@ -124,6 +143,7 @@ in_place! { Store { fn is_shared(&self) -> bool { self.store.is_shared() } }
     lose_chunk(job: JobId, phase: Phase, blob: BlobName, now: UnixMillis) -> bool;
     finish_attempt(token: Token, event: lease::Event, finish: Option<&Finish>, now: UnixMillis) -> FinishOutcome;
     chunks(job: JobId, phase: Phase, run: TileRun) -> Vec<ChunkRow>;
+    holes(job: JobId, phase: Phase, run: TileRun) -> BTreeMap<TileIndex, String>;
     contributions(job: JobId) -> Vec<Contribution>;
     surface_reports(job: JobId) -> Vec<serde_json::Value>;
     package(job: JobId) -> Vec<StoredPackageFile>;
