@@ -155,7 +155,7 @@ impl<'t> Farm<'t> {
             }
             let (data, clock, witness) = (data.clone(), Arc::clone(&clock), Arc::clone(&witness));
             async move {
-                let store = Arc::new(InPlace::open(&data, knobs.broken));
+                let store = Arc::new(InPlace::open(&data));
                 kept(&store, job, &witness).await?;
                 let engine = engine(&data, store, clock).await;
                 let app = App::new(engine, HostPolicy::Any, None, CancellationToken::new());
@@ -181,7 +181,7 @@ impl<'t> Farm<'t> {
         let data = self.folder.path().join("data");
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(|e| e.to_string())?;
         runtime.block_on(async {
-            let store = Arc::new(InPlace::open(&data, None));
+            let store = Arc::new(InPlace::open(&data));
             kept(&store, self.template.job, &self.witness).await?;
             let engine = engine(&data, store, Arc::clone(&self.clock)).await;
             let record = engine.job(self.template.job).await.map_err(|e| e.to_string())?;

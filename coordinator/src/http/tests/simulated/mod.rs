@@ -109,7 +109,8 @@ fn whatever_the_network_does_every_job_ends_with_the_same_package() {
         }
     });
     let met = met.into_inner().unwrap();
-    assert!(seeds.len() == TRIES || met == BTreeSet::from(MEETS), "the schedules only meet {met:?}");
+    let missed: Vec<_> = MEETS.iter().filter(|what| !met.contains(**what)).collect();
+    assert!(seeds.len() == TRIES || missed.is_empty(), "no schedule comes across {missed:?}");
 }
 
 /// The order in which threads of the database and of the disk are done is nobody's to choose, and tokens are random.
@@ -120,7 +121,7 @@ fn a_seed_is_one_schedule_of_faults() {
         let (once, again) = (run(&template, seed, Knobs::default()).faults, run(&template, seed, Knobs::default()).faults);
         // Until the first of both farms is done.
         let most = once.len().min(again.len());
-        assert!(most > 5 && once[..most] == again[..most], "seed {seed}: {once:#?} against {again:#?}");
+        assert!(most > 2 && once[..most] == again[..most], "seed {seed}: {once:#?} against {again:#?}");
     }
 }
 

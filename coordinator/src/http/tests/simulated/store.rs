@@ -9,8 +9,7 @@
 use crate::{
     auth::{Scope, TokenId, TokenRow},
     blob::BlobName,
-    job,
-    lease::{self, rule::Rule},
+    job, lease,
     records::{Problem, UnixMillis, WorkerRecord},
     store::*,
 };
@@ -20,24 +19,29 @@ use kiln_proto::{
     tile::{TileIndex, TileRun},
     wire::message::{Finish, Heartbeat, Phase},
 };
-use std::{collections::BTreeMap, path::Path};
+use std::{
+    collections::BTreeMap,
+    path::Path,
+    pin::pin,
+    sync::Arc,
+    task::{Context, Poll, Wake},
+    thread::{self, Thread},
+};
 use tokio::runtime::Runtime;
 use uuid::Uuid;
 
-/// A [`SqlStore`] on a runtime that runs only while a call is made.
+/// A [`SqlStore`] with a runtime of its own.
 pub(super) struct InPlace {
     store: SqlStore,
     /// Always there, until the end.
     runtime: Option<Runtime>,
-    /// A rule of the pure core that this store breaks.
-    broken: Option<Rule>,
 }
 
 impl InPlace {
-    pub(super) fn open(data: &Path, broken: Option<Rule>) -> Self {
-        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
-        let store = wait(&runtime, broken, SqlStore::open(None, data)).unwrap();
-        Self { store, runtime: Some(runtime), broken }
+    pub(super) fn open(data: &Path) -> Self {
+        let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build().unwrap();
+        let store = wait(&runtime, SqlStore::open(None, data)).unwrap();
+        Self { store, runtime: Some(runtime) }
     }
 
     /// Waits until nothing of the database is open any more.
@@ -45,18 +49,32 @@ impl InPlace {
         self.wait(self.store.close());
     }
 
-    fn wait<T: Send>(&self, call: impl Future<Output = T> + Send) -> T {
-        wait(self.runtime.as_ref().unwrap(), self.broken, call)
+    fn wait<T>(&self, call: impl Future<Output = T>) -> T {
+        wait(self.runtime.as_ref().unwrap(), call)
     }
 }
 
-/// A thread for each call: a thread that drives a runtime may not wait for another one.
-fn wait<T: Send>(runtime: &Runtime, broken: Option<Rule>, call: impl Future<Output = T> + Send) -> T {
-    let run = || match broken {
-        Some(rule) => rule.broken(|| runtime.block_on(call)),
-        None => runtime.block_on(call),
-    };
-    std::thread::scope(|threads| threads.spawn(run).join()).unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+/// Wakes a thread.
+struct Unpark(Thread);
+
+impl Wake for Unpark {
+    fn wake(self: Arc<Self>) {
+        self.0.unpark();
+    }
+}
+
+/// Polls a call until it is done, with the timers and tasks of `runtime`. A runtime's own `block_on` is forbidden to a thread that drives
+/// another one, which may have used up the turns that it grants a task.
+fn wait<T>(runtime: &Runtime, call: impl Future<Output = T>) -> T {
+    let _entered = runtime.enter();
+    let waker = Arc::new(Unpark(thread::current())).into();
+    let mut call = pin!(tokio::task::unconstrained(call));
+    loop {
+        match call.as_mut().poll(&mut Context::from_waker(&waker)) {
+            Poll::Ready(answer) => return answer,
+            Poll::Pending => thread::park(),
+        }
+    }
 }
 
 impl Drop for InPlace {

@@ -59,7 +59,7 @@ impl Template {
     pub(super) fn new() -> Self {
         let folder = folder();
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
-        let store = Arc::new(InPlace::open(folder.path(), None));
+        let store = Arc::new(InPlace::open(folder.path()));
         let job = runtime.block_on(async {
             let engine = engine(folder.path(), Arc::clone(&store), Arc::new(AtomicI64::new(EPOCH))).await;
             let scene = ready_scene(&engine).await;
