@@ -91,7 +91,7 @@ async fn record(c: &mut Tx, chunk: &NewChunk, known: &BTreeMap<TileIndex, Digest
         return Ok(ChunkOutcome::Gone("of a job that has ended".into()));
     };
     // A lease may have been granted in the moment in which its job failed or ended: nothing of it counts then.
-    if !jobs::state(c, attempt.job).await?.is_some_and(|(state, _)| state.phase() == Some(attempt.phase)) {
+    if jobs::state(c, attempt.job).await?.is_none_or(|(state, _)| state.phase() != Some(attempt.phase)) {
         return Ok(ChunkOutcome::Gone("of a job that does not bake".into()));
     }
     if attempt.kind == Kind::Check {
