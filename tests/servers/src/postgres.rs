@@ -121,9 +121,17 @@ impl Postgres {
     #[must_use]
     pub fn database(&self) -> String {
         let name = format!("kiln{}", self.databases.fetch_add(1, Ordering::Relaxed));
-        let made = self.command("psql").args(self.reach()).args(["-d", "postgres", "-c", &format!("CREATE DATABASE {name}")]).output();
-        let made = made.expect("psql");
-        assert!(made.status.success(), "psql: {}", String::from_utf8_lossy(&made.stderr));
+        let create = format!("CREATE DATABASE {name}");
+        // It takes connections a moment before it has started up, and says so to whoever is that quick.
+        for step in 0..STEPS {
+            let made = self.command("psql").args(self.reach()).args(["-d", "postgres", "-c", &create]).output().expect("psql");
+            let said = String::from_utf8_lossy(&made.stderr);
+            if made.status.success() {
+                break;
+            }
+            assert!(said.contains("starting up") && step + 1 < STEPS, "psql: {said}");
+            sleep(STEP);
+        }
         format!("postgres://postgres@127.0.0.1:{}/{name}", self.port)
     }
 
